@@ -1,0 +1,30 @@
+# A server that runs with and without a GPU. Build: docker build --tag firn .
+
+FROM rust:1.95-bookworm AS build
+WORKDIR /src
+COPY . .
+RUN --mount=type=cache,target=/usr/local/cargo/registry \
+    --mount=type=cache,target=/src/target \
+    cargo build --release --locked \
+    && cp target/release/firn /usr/local/bin/firn
+
+FROM debian:bookworm-slim
+# mesa-vulkan-drivers: AMD, Intel and lavapipe, which computes on any CPU.
+# libglvnd0, libxext6: what NVIDIA's driver, which its container toolkit brings along, links to. curl: for the health check.
+RUN apt-get update \
+    && apt-get install --yes --no-install-recommends \
+        curl libglvnd0 libvulkan1 libxext6 mesa-vulkan-drivers \
+    && rm -rf /var/lib/apt/lists/* \
+    && useradd --uid 10001 --no-create-home --home-dir /nonexistent --shell /usr/sbin/nologin firn
+COPY --from=build /usr/local/bin/firn /usr/local/bin/firn
+
+# The toolkit's default leaves Vulkan ("graphics") out.
+ENV NVIDIA_DRIVER_CAPABILITIES=compute,graphics,utility
+USER 10001
+EXPOSE 8080
+STOPSIGNAL SIGTERM
+HEALTHCHECK --interval=10s --timeout=3s --start-period=30s --retries=3 \
+    CMD ["curl", "--fail", "--silent", "--show-error", "http://127.0.0.1:8080/readyz"]
+ENTRYPOINT ["firn"]
+# --allow-open: a container's port is reachable only where whoever runs it publishes it.
+CMD ["serve", "--listen", "0.0.0.0:8080", "--allow-open"]

@@ -1,0 +1,42 @@
+# Firn's commands. `make` alone lists them.
+
+CARGO ?= cargo
+# More options for the server, as in: make serve ARGS="--listen 127.0.0.1:9000"
+ARGS ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help serve test driver build fmt lint openapi clean
+
+help: ## list these commands
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+serve: ## build, make sure there is a Vulkan driver, serve with a demo session
+	@scripts/vulkan-driver || echo "Going on without: the server computes on the CPU."
+	$(CARGO) run --release --locked -- serve --demo $(ARGS)
+
+test: driver lint ## make sure there is a Vulkan driver, check format and lints, run every test
+	@if $(CARGO) nextest --version >/dev/null 2>&1; then set -x; \
+		$(CARGO) test --locked --doc && $(CARGO) nextest run --locked; \
+	else set -x; \
+		$(CARGO) test --locked --no-fail-fast; \
+	fi
+
+driver: ## make sure there is a Vulkan driver; install the distribution's where there is none
+	@scripts/vulkan-driver
+
+build: ## build the server with optimisation
+	$(CARGO) build --release --locked
+
+fmt: ## format the code
+	$(CARGO) fmt
+
+lint: ## check format and lints
+	$(CARGO) fmt --check
+	$(CARGO) clippy --locked --all-targets -- -D warnings
+
+openapi: ## write api/openapi.json anew from the handlers
+	$(CARGO) run --release --locked -- openapi > target/openapi.json
+	mv target/openapi.json api/openapi.json
+
+clean: ## remove everything that was built
+	$(CARGO) clean

@@ -1,0 +1,182 @@
+// The tables that all kernels read. src/engine/gpu/layout.rs has the same structs; a test compares
+// them.
+
+// Columns of a tile; cells of a tile stand at (row + slot) * 64 + column of its page.
+const TILE_COLUMNS: u32 = 64u;
+const TILE_SIDE: u32 = 8u;
+// Thickness quanta in a full cell.
+const CELL: u32 = 1u << 24u;
+// Depth over which contact is soft, in elevation units.
+const CONTACT_DEPTH: u32 = 419430u;
+// A tile without a session.
+const NONE: u32 = 0xffffffffu;
+
+// Bits of a tile's state.
+const AWAKE: u32 = 1u;   // a cell changed in the last cycle, or was disturbed since
+const DIRTY: u32 = 2u;   // a height changed since the last publication
+
+// Bits of Run.flags.
+const WAKE: u32 = 1u;
+const PUBLISH: u32 = 2u;
+const EDITED: u32 = 4u;  // contacts have been evaluated after the edits of this frame
+
+// A snowpack's constants.
+struct Session {
+    first_tile: u32,
+    tiles_x: u32,
+    width: u32,
+    depth: u32,
+    height: u32,
+    hardness_law: u32,
+    load_distribution: u32,
+    stiffness_exponent: f32,
+    // Density of one mass quantum in one thickness quantum [kg/m3].
+    density: f32,
+    // Thickness quanta of one mass quantum at the largest density.
+    densest: f32,
+    // Length of one thickness quantum [m].
+    metres: f32,
+    // Gold's hardness at 20 kg/m3 and -3 degrees C [Pa].
+    gold: f32,
+}
+
+// What a snowpack does in this frame.
+struct Run {
+    cycles: u32,
+    flags: u32,
+    // Cycle length over the reference cell size [s/m].
+    rate: f32,
+    // Keeps all tiles awake where it is not 0.
+    always_awake: u32,
+}
+
+// Where a tile is.
+struct Tile {
+    session: u32,
+    page: u32,
+    row: u32,
+    // Not 0 where an object's footprint covers a column of it.
+    loaded: u32,
+}
+
+// Sums of one frame over a snowpack.
+struct Tally {
+    last_change: atomic<u32>,
+    active_tiles: atomic<u32>,
+    mass_low: atomic<u32>,
+    mass_high: atomic<u32>,
+}
+
+// An object in this frame.
+struct Collider {
+    session: u32,
+    // Its row in the table of contacts.
+    contact: u32,
+    // First row of columns, and its spans in the table of spans.
+    z0: u32,
+    first_span: u32,
+    rows: u32,
+    columns: u32,
+    // Lowest and highest end of the spans.
+    x0: u32,
+    x1: u32,
+    // Area of the footprint [m2] and weight [N].
+    area: f32,
+    weight: f32,
+    // Not 0 where the depth it has sunk is counted from this evaluation.
+    placed: u32,
+    padding: u32,
+}
+
+// How an object touches the snow.
+struct Contact {
+    bottom: u32,
+    reference: u32,
+    support_low: u32,
+    support_high: u32,
+    area: f32,
+    pressure: f32,
+    // Width b over which the load spreads [m].
+    width: f32,
+    // Not 0 where the last evaluation found bottom and support as they were.
+    resting: u32,
+}
+
+// A tile and the objects that may stand on it, ascending by their ids.
+struct LoadJob {
+    tile: u32,
+    first_load: u32,
+    loads: u32,
+    padding: u32,
+}
+
+// A tile and the deposits and clearings that touch it, in order of arrival.
+struct EditJob {
+    tile: u32,
+    first_operation: u32,
+    operations: u32,
+    padding: u32,
+}
+
+// Snow that falls on columns [x0, x1) x [z0, z1), or is cleared from them.
+struct Operation {
+    kind: u32,
+    x0: u32,
+    z0: u32,
+    x1: u32,
+    z1: u32,
+    // Depth in thickness quanta: what falls, or what is left standing.
+    depth: u32,
+    // Mass quanta that fall, and those of a full cell of them.
+    mass: u32,
+    share: u32,
+    temperature: f32,
+    // Its row in the table of results.
+    result: u32,
+    padding: vec2<u32>,
+}
+
+// Mass quanta that an operation refused or cleared.
+struct OperationResult {
+    low: atomic<u32>,
+    high: atomic<u32>,
+}
+
+// What one dispatch works on.
+struct Pass {
+    // First entry of its list, and how many there are.
+    first: u32,
+    count: u32,
+    // Cycle that is run; all of the run's where `cycles` says so.
+    cycle: u32,
+    cycles: u32,
+    // The page whose cells are bound.
+    page: u32,
+    // Not 0 right after an edit, when nothing may be skipped.
+    edited: u32,
+    padding: vec2<u32>,
+}
+
+// Index of a workgroup in a dispatch of two dimensions.
+fn flat_index(group: vec3<u32>, groups: vec3<u32>) -> u32 {
+    return group.y * groups.x + group.x;
+}
+
+// Column (x, z) as an index into the tables of columns.
+fn column_index(session: Session, x: u32, z: u32) -> u32 {
+    let tile = session.first_tile + (z / TILE_SIDE) * session.tiles_x + x / TILE_SIDE;
+    return tile * TILE_COLUMNS + (z % TILE_SIDE) * TILE_SIDE + x % TILE_SIDE;
+}
+
+// Coordinates of a column of a tile.
+fn column_position(session: Session, tile: u32, column: u32) -> vec2<u32> {
+    let index = tile - session.first_tile;
+    let corner = vec2(index % session.tiles_x, index / session.tiles_x) * TILE_SIDE;
+    return corner + vec2(column % TILE_SIDE, column / TILE_SIDE);
+}
+
+// A column's share of contact in units of 1/CONTACT_DEPTH.
+fn share_units(bottom: u32, elevation: u32) -> u32 {
+    let below = bottom - elevation;
+    return select(0u, CONTACT_DEPTH - below, below < CONTACT_DEPTH);
+}

@@ -1,0 +1,330 @@
+// Lets snow fall on the columns of listed tiles and clears it: a workgroup for each tile, a thread
+// for each column. Tops up, opens cells and re-cuts where slots run out. The twin of
+// Column::deposit and Column::clear in src/snow/column.rs and of src/snow/recut.rs.
+
+@group(0) @binding(0) var<uniform> work: Pass;
+@group(0) @binding(1) var<storage, read> sessions: array<Session>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read_write> states: array<atomic<u32>>;
+@group(0) @binding(4) var<storage, read_write> tops: array<u32>;
+@group(0) @binding(5) var<storage, read_write> heights: array<u32>;
+@group(0) @binding(6) var<storage, read_write> filled: array<u32>;
+@group(0) @binding(7) var<storage, read> edit_jobs: array<EditJob>;
+@group(0) @binding(8) var<storage, read> operations: array<Operation>;
+@group(0) @binding(9) var<storage, read_write> operation_results: array<OperationResult>;
+@group(0) @binding(10) var<storage, read_write> mass: array<u32>;
+@group(0) @binding(11) var<storage, read_write> thickness: array<u32>;
+@group(0) @binding(12) var<storage, read_write> temperature: array<f32>;
+@group(0) @binding(13) var<storage, read_write> stress: array<f32>;
+
+const DEPOSIT: u32 = 0u;
+// Largest difference in temperature at which fresh snow tops up the cell below [degrees C].
+const TOP_UP_TEMPERATURE: f32 = 0.25;
+
+var<workgroup> top: atomic<u32>;
+
+// A piece of snow.
+struct Cell {
+    mass: u32,
+    thickness: u32,
+    temperature: f32,
+}
+
+// A column while it is worked on: its first cell, its slots and how many are filled.
+struct Column {
+    base: u32,
+    slots: u32,
+    cells: u32,
+}
+
+// Snow that is still to be laid on a column.
+struct Fall {
+    mass: u32,
+    depth: u32,
+    share: u32,
+    temperature: f32,
+}
+
+fn cell_index(column: Column, slot: u32) -> u32 {
+    return column.base + slot * TILE_COLUMNS;
+}
+
+fn load_cell(column: Column, slot: u32) -> Cell {
+    let i = cell_index(column, slot);
+    return Cell(mass[i], thickness[i], temperature[i]);
+}
+
+fn store_cell(column: Column, slot: u32, cell: Cell) {
+    let i = cell_index(column, slot);
+    mass[i] = cell.mass;
+    thickness[i] = cell.thickness;
+    temperature[i] = cell.temperature;
+}
+
+fn empty_slots(column: Column, first: u32, end: u32) {
+    for (var slot = first; slot < end; slot++) {
+        store_cell(column, slot, Cell(0u, 0u, 0.0));
+        stress[cell_index(column, slot)] = 0.0;
+    }
+}
+
+// Temperature of snow to which other snow is added.
+fn mixed(old: f32, old_mass: u32, added: f32, added_mass: u32) -> f32 {
+    return old + (added - old) * (f32(added_mass) / f32(old_mass + added_mass));
+}
+
+// Takes off a piece of a thickness, and returns its mass.
+fn take(fall: ptr<function, Fall>, piece: u32) -> u32 {
+    var taken = (*fall).mass;
+    if piece < (*fall).depth {
+        taken = wide_shift_24(wide_multiply((*fall).share, piece));
+    }
+    (*fall).depth -= piece;
+    (*fall).mass -= taken;
+    return taken;
+}
+
+// Fills the top cell up to full thickness where it is much like the snow that falls.
+fn top_up(column: Column, fall: ptr<function, Fall>) {
+    if column.cells == 0u {
+        return;
+    }
+    var cell = load_cell(column, column.cells - 1u);
+    if cell.thickness >= CELL || abs(cell.temperature - (*fall).temperature) > TOP_UP_TEMPERATURE {
+        return;
+    }
+    // Densities are compared as masses, crosswise, so that no rounding decides.
+    let own = wide_multiply(cell.mass, CELL);
+    let like = wide_multiply((*fall).share, cell.thickness);
+    var difference = wide_subtract(own, like);
+    if wide_less(own, like) {
+        difference = wide_subtract(like, own);
+    }
+    if difference.y >= 1u << 26u || wide_less(like, wide_scale(difference, 20u)) {
+        return;
+    }
+    let piece = min((*fall).depth, CELL - cell.thickness);
+    let added = take(fall, piece);
+    cell.temperature = mixed(cell.temperature, cell.mass, (*fall).temperature, added);
+    cell.mass += added;
+    cell.thickness += piece;
+    store_cell(column, column.cells - 1u, cell);
+}
+
+// Opens full cells, the last one thinner, as long as there are slots.
+fn open_cells(column: ptr<function, Column>, fall: ptr<function, Fall>) {
+    while (*fall).depth > 0u && (*column).cells < (*column).slots {
+        let piece = min((*fall).depth, CELL);
+        var taken = take(fall, piece);
+        if taken == 0u {
+            // Too thin a rest to have a quantum of mass of its own.
+            if (*column).cells == 0u {
+                (*fall).depth = 0u;
+                return;
+            }
+            let below = cell_index(*column, (*column).cells - 1u);
+            if mass[below] <= 1u {
+                (*fall).depth = 0u;
+                return;
+            }
+            mass[below] -= 1u;
+            taken = 1u;
+        }
+        store_cell(*column, (*column).cells, Cell(taken, piece, (*fall).temperature));
+        (*column).cells++;
+    }
+}
+
+// The van Leer slope of a value between its neighbours.
+fn van_leer(below: f32, value: f32, above: f32) -> f32 {
+    let lower = value - below;
+    let upper = above - value;
+    if lower * upper > 0.0 {
+        return 2.0 * lower * upper / (lower + upper);
+    }
+    return 0.0;
+}
+
+// Density in mass quanta per thickness quantum.
+fn density_of(cell: Cell) -> f32 {
+    return f32(cell.mass) / f32(cell.thickness);
+}
+
+// An old cell, and what has been taken from it so far.
+struct Source {
+    cell: Cell,
+    density_slope: f32,
+    temperature_slope: f32,
+    taken_mass: u32,
+    taken_thickness: u32,
+}
+
+// Mass of the next piece of a source, with density linear over height.
+fn mass_of(source: Source, piece: u32) -> u32 {
+    let d = f32(source.cell.thickness);
+    let u0 = f32(source.taken_thickness) / d;
+    let u1 = f32(source.taken_thickness + piece) / d;
+    let v0 = u0 - 0.5;
+    let v1 = u1 - 0.5;
+    let fraction = (u1 - u0) + source.density_slope * (v1 * v1 - v0 * v0) / 2.0;
+    return u32(max(fraction * f32(source.cell.mass), 0.0));
+}
+
+// Mean temperature of the next piece of a mass, with temperature linear over mass.
+fn temperature_of(source: Source, piece: u32) -> f32 {
+    let whole = f32(source.cell.mass);
+    let w0 = f32(source.taken_mass) / whole;
+    let w1 = f32(source.taken_mass + piece) / whole;
+    return source.cell.temperature + source.temperature_slope * ((w0 + w1) / 2.0 - 0.5);
+}
+
+// Moves a piece into a fresh cell: as much as the cell has room for.
+fn pour(source: ptr<function, Source>, fresh: ptr<function, Cell>) {
+    let left = (*source).cell.thickness - (*source).taken_thickness;
+    let piece = min(left, CELL - (*fresh).thickness);
+    var poured = (*source).cell.mass - (*source).taken_mass;
+    if piece < left {
+        // A quantum is kept for the last piece, so that every fresh cell has mass.
+        poured = min(mass_of(*source, piece), poured - 1u);
+    }
+    let celsius = temperature_of(*source, poured);
+    if (*fresh).mass == 0u {
+        (*fresh).temperature = celsius;
+    } else {
+        (*fresh).temperature = mixed((*fresh).temperature, (*fresh).mass, celsius, poured);
+    }
+    (*fresh).mass += poured;
+    (*fresh).thickness += piece;
+    (*source).taken_mass += poured;
+    (*source).taken_thickness += piece;
+}
+
+// Re-cuts the whole column in place: a fresh cell's index never exceeds its source's.
+fn recut(column: ptr<function, Column>) {
+    let cells = (*column).cells;
+    var fresh = Cell(0u, 0u, 0.0);
+    var finished = 0u;
+    var below = fresh;
+    for (var i = 0u; i < cells; i++) {
+        var source = Source(load_cell(*column, i), 0.0, 0.0, 0u, 0u);
+        let cell = source.cell;
+        if i > 0u && i + 1u < cells {
+            let above = load_cell(*column, i + 1u);
+            source.density_slope =
+                van_leer(density_of(below), density_of(cell), density_of(above)) / density_of(cell);
+            source.temperature_slope =
+                van_leer(below.temperature, cell.temperature, above.temperature);
+        }
+        below = cell;
+        while source.taken_thickness < cell.thickness {
+            pour(&source, &fresh);
+            if fresh.thickness == CELL {
+                store_cell(*column, finished, fresh);
+                finished++;
+                fresh = Cell(0u, 0u, 0.0);
+            }
+        }
+    }
+    if fresh.thickness > 0u {
+        store_cell(*column, finished, fresh);
+        finished++;
+    }
+    empty_slots(*column, finished, cells);
+    (*column).cells = finished;
+}
+
+// Lays snow on the column; returns the mass that did not fit.
+fn deposit(column: ptr<function, Column>, operation: Operation) -> u32 {
+    if operation.depth == 0u {
+        return operation.mass;
+    }
+    var fall = Fall(operation.mass, operation.depth, operation.share, operation.temperature);
+    top_up(*column, &fall);
+    open_cells(column, &fall);
+    if fall.depth > 0u {
+        recut(column);
+        open_cells(column, &fall);
+    }
+    return fall.mass;
+}
+
+// Removes what is above a depth; returns the mass removed. The cell that is cut keeps its part of
+// the mass, rounded down.
+fn clear(column: ptr<function, Column>, depth: u32) -> u32 {
+    var left = depth;
+    var cleared = 0u;
+    var kept_cells = 0u;
+    for (var slot = 0u; slot < (*column).cells; slot++) {
+        var cell = load_cell(*column, slot);
+        let kept = min(cell.thickness, left);
+        left -= kept;
+        if kept < cell.thickness {
+            let part = wide_divide(wide_multiply(cell.mass, kept), cell.thickness);
+            cleared += cell.mass - part;
+            cell.mass = part;
+            cell.thickness = kept;
+            if part > 0u {
+                store_cell(*column, slot, cell);
+            }
+        }
+        if cell.mass > 0u {
+            kept_cells = slot + 1u;
+        }
+    }
+    empty_slots(*column, kept_cells, (*column).cells);
+    (*column).cells = kept_cells;
+    return cleared;
+}
+
+fn add_result(result: u32, quanta: u32) {
+    if quanta > 0u {
+        let before = atomicAdd(&operation_results[result].low, quanta);
+        if before + quanta < before {
+            atomicAdd(&operation_results[result].high, 1u);
+        }
+    }
+}
+
+@compute @workgroup_size(64)
+fn snowfall(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let index = flat_index(group, groups);
+    if index >= work.count {
+        return;
+    }
+    let job = edit_jobs[work.first + index];
+    let tile = tiles[job.tile];
+    let session = sessions[tile.session];
+    let position = column_position(session, job.tile, thread);
+    let place = job.tile * TILE_COLUMNS + thread;
+    var column = Column(tile.row * TILE_COLUMNS + thread, session.height, filled[place]);
+
+    for (var i = 0u; i < job.operations; i++) {
+        let operation = operations[job.first_operation + i];
+        let inside = all(position >= vec2(operation.x0, operation.z0))
+            && all(position < vec2(operation.x1, operation.z1));
+        if inside {
+            if operation.kind == DEPOSIT {
+                add_result(operation.result, deposit(&column, operation));
+            } else {
+                add_result(operation.result, clear(&column, operation.depth));
+            }
+        }
+    }
+
+    var height = 0u;
+    for (var slot = 0u; slot < column.cells; slot++) {
+        height += thickness[cell_index(column, slot)];
+    }
+    filled[place] = column.cells;
+    heights[place] = height;
+    atomicMax(&top, column.cells);
+    workgroupBarrier();
+    if thread == 0u {
+        tops[job.tile] = atomicLoad(&top);
+        atomicOr(&states[job.tile], AWAKE | DIRTY);
+    }
+}

@@ -1,0 +1,125 @@
+// Evaluates the vertical stress in the columns of listed tiles, top to bottom: the weight of the
+// snow and the loads of the objects on it, gathered in ascending order of the objects' ids. A tile
+// in which a bit of a stress changes wakes. The twin of Column::stress in src/snow/column.rs.
+
+@group(0) @binding(0) var<uniform> work: Pass;
+@group(0) @binding(1) var<storage, read> sessions: array<Session>;
+@group(0) @binding(2) var<storage, read> runs: array<Run>;
+@group(0) @binding(3) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(4) var<storage, read_write> states: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read> heights: array<u32>;
+@group(0) @binding(6) var<storage, read> filled: array<u32>;
+@group(0) @binding(7) var<storage, read> ground: array<u32>;
+@group(0) @binding(8) var<storage, read> colliders: array<Collider>;
+@group(0) @binding(9) var<storage, read> spans: array<vec2<u32>>;
+@group(0) @binding(10) var<storage, read> contacts: array<Contact>;
+@group(0) @binding(11) var<storage, read> load_jobs: array<LoadJob>;
+// Indexes into `colliders`.
+@group(0) @binding(12) var<storage, read> loads: array<u32>;
+@group(0) @binding(13) var<storage, read> mass: array<u32>;
+@group(0) @binding(14) var<storage, read> thickness: array<u32>;
+@group(0) @binding(15) var<storage, read_write> stress: array<f32>;
+
+const GRAVITY: f32 = 9.81;
+const MASS_QUANTUM: f32 = 1.0 / 262144.0;
+const TWO_TO_ONE: u32 = 0u;
+const UNIFORM: u32 = 1u;
+// Loads on one column that are kept in registers; any more are looked up for every cell.
+const KEPT: u32 = 4u;
+
+var<workgroup> any_changed: atomic<u32>;
+
+// Surface stress and width of a load on a column; nothing where the object is not above it.
+fn load_on(session: Session, load: u32, position: vec2<u32>, elevation: u32) -> vec2<f32> {
+    let collider = colliders[load];
+    let row = position.y - collider.z0;
+    if position.y < collider.z0 || row >= collider.rows {
+        return vec2(0.0);
+    }
+    let span = spans[collider.first_span + row];
+    if position.x < span.x || position.x >= span.y {
+        return vec2(0.0);
+    }
+    let contact = contacts[collider.contact];
+    let share = f32(share_units(contact.bottom, elevation)) / f32(CONTACT_DEPTH);
+    return vec2(contact.pressure * share, contact.width);
+}
+
+// Part of a surface stress at a depth [m] under a load of a width [m].
+fn spread(distribution: u32, depth: f32, width: f32, top: bool) -> f32 {
+    if distribution == TWO_TO_ONE {
+        let ratio = width / (width + depth);
+        return ratio * ratio;
+    }
+    return select(0.0, 1.0, distribution == UNIFORM || top);
+}
+
+@compute @workgroup_size(64)
+fn evaluate_stress(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) column: u32,
+) {
+    let index = flat_index(group, groups);
+    if index >= work.count {
+        return;
+    }
+    let job = load_jobs[work.first + index];
+    let tile = job.tile;
+    let row = tiles[tile];
+    let session = sessions[row.session];
+    if work.edited == 0u && work.cycle >= runs[row.session].cycles {
+        return;
+    }
+    let position = column_position(session, tile, column);
+    let place = tile * TILE_COLUMNS + column;
+    let elevation = ground[place] + (heights[place] >> 1u);
+
+    // Loads on this column: the first ones, and where the rest begin.
+    var kept: array<vec2<f32>, KEPT>;
+    var count = 0u;
+    var next = job.first_load;
+    let end = job.first_load + job.loads;
+    while next < end && count < KEPT {
+        let load = load_on(session, loads[next], position, elevation);
+        if load.x > 0.0 {
+            kept[count] = load;
+            count++;
+        }
+        next++;
+    }
+
+    var sum = 0u;
+    var above = 0u;
+    var changed = false;
+    let cells = filled[place];
+    for (var rank = 0u; rank < cells; rank++) {
+        let cell = (row.row + cells - 1u - rank) * TILE_COLUMNS + column;
+        sum += mass[cell];
+        let d = thickness[cell];
+        let depth = (f32(above) + 0.5 * f32(d)) * session.metres;
+        var load_stress = 0.0;
+        for (var i = 0u; i < count; i++) {
+            load_stress += kept[i].x * spread(session.load_distribution, depth, kept[i].y, rank == 0u);
+        }
+        for (var i = next; i < end; i++) {
+            let load = load_on(session, loads[i], position, elevation);
+            if load.x > 0.0 {
+                load_stress += load.x * spread(session.load_distribution, depth, load.y, rank == 0u);
+            }
+        }
+        let sigma = GRAVITY * (f32(sum) * MASS_QUANTUM) + load_stress;
+        if bitcast<u32>(sigma) != bitcast<u32>(stress[cell]) {
+            stress[cell] = sigma;
+            changed = true;
+        }
+        above += d;
+    }
+    if changed {
+        atomicStore(&any_changed, 1u);
+    }
+    workgroupBarrier();
+    if column == 0u && atomicLoad(&any_changed) != 0u {
+        atomicOr(&states[tile], AWAKE);
+    }
+}

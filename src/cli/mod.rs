@@ -1,0 +1,61 @@
+//! The command line: one file per subcommand.
+
+mod demo;
+mod openapi;
+mod serve;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+pub use serve::{Serve, open_backend};
+
+/// Firn simulates snowpacks on the GPU and serves them over HTTP and WebSocket.
+#[derive(Debug, Parser)]
+#[command(name = "firn", version, arg_required_else_help = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// What the program can do.
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Serve snowpacks over HTTP and WebSocket
+    ///
+    /// Every flag can be given as an environment variable too. SIGINT and SIGTERM stop the server
+    /// gracefully: it accepts no more, finishes what is under way, and ends; a second signal ends
+    /// it at once.
+    #[command(after_help = serve::EXAMPLES)]
+    Serve(Serve),
+    /// Print the OpenAPI document of the REST interface
+    Openapi,
+}
+
+/// Why a command did not succeed.
+#[derive(Debug)]
+pub enum Failure {
+    /// It was called in a way that it can't carry out.
+    Usage(String),
+    /// It tried and failed.
+    Failed(String),
+}
+
+/// Runs the program: exit code 0 for success, 1 for failure, 2 for wrong usage.
+pub fn run() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Serve(options) => serve::run(&options),
+        Command::Openapi => openapi::run(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure::Usage(message)) => {
+            eprintln!("error: {message}");
+            ExitCode::from(2)
+        }
+        Err(Failure::Failed(message)) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! Configuration: one struct per concern, each field a flag with its environment variable.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use clap::builder::FalseyValueParser;
+use clap::{Args, ValueEnum};
+
+use crate::session::Limits;
+
+/// Where the server listens.
+#[derive(Args, Clone, Debug)]
+pub struct ListenConfig {
+    /// Address and port to listen on; port 0 takes a free one.
+    #[arg(long, env = "FIRN_LISTEN", default_value = "127.0.0.1:8080", value_name = "ADDRESS")]
+    pub listen: SocketAddr,
+
+    /// Allow an address that other machines can reach, although everybody who reaches it may do
+    /// everything.
+    #[arg(long, env = "FIRN_ALLOW_OPEN", value_parser = FalseyValueParser::new())]
+    pub allow_open: bool,
+}
+
+/// What the server holds at most.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct LimitsConfig {
+    /// Sessions at a time.
+    #[arg(long, env = "FIRN_MAX_SESSIONS", default_value_t = 10_000, value_name = "N")]
+    pub max_sessions: usize,
+
+    /// Cells (width × depth × height) of one session.
+    #[arg(
+        long,
+        env = "FIRN_MAX_CELLS_PER_SESSION",
+        default_value_t = 268_435_456,
+        value_name = "N"
+    )]
+    pub max_cells_per_session: u64,
+
+    /// Cells of all sessions together.
+    #[arg(long, env = "FIRN_MAX_CELLS", default_value_t = 4_000_000_000, value_name = "N")]
+    pub max_cells: u64,
+
+    /// Colliders in one session.
+    #[arg(long, env = "FIRN_MAX_COLLIDERS", default_value_t = 4096, value_name = "N")]
+    pub max_colliders: usize,
+}
+
+impl LimitsConfig {
+    /// The same as the sessions know it.
+    pub fn limits(&self) -> Limits {
+        Limits {
+            sessions: self.max_sessions,
+            cells_per_session: self.max_cells_per_session,
+            cells: self.max_cells,
+            colliders_per_session: self.max_colliders,
+        }
+    }
+}
+
+/// What one request may take.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct RequestConfig {
+    /// Largest body of a request, in bytes or with a unit, as in `16MiB`.
+    #[arg(
+        long,
+        env = "FIRN_MAX_BODY_BYTES",
+        default_value = "16MiB",
+        value_parser = parse_bytes_here,
+        value_name = "BYTES"
+    )]
+    pub max_body_bytes: usize,
+
+    /// Longest time for a request, as in `30s`; stepping a session and streams may take longer.
+    #[arg(
+        long,
+        env = "FIRN_REQUEST_TIMEOUT",
+        default_value = "30s",
+        value_parser = parse_duration,
+        value_name = "TIME"
+    )]
+    pub request_timeout: Duration,
+}
+
+/// What the snowpacks live on.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct EngineConfig {
+    /// What computes: the graphics device, or the plain-Rust reference on the CPU.
+    #[arg(long, env = "FIRN_BACKEND", default_value = "auto", value_name = "BACKEND")]
+    pub backend: BackendChoice,
+
+    /// Most device memory to use for snowpacks, as in `8GiB`; all there is where it is not given.
+    #[arg(long, env = "FIRN_DEVICE_MEMORY", value_parser = parse_bytes, value_name = "BYTES")]
+    pub device_memory: Option<u64>,
+
+    /// Keep sessions in memory only: they are gone when the server stops.
+    #[arg(long, env = "FIRN_EPHEMERAL", value_parser = FalseyValueParser::new())]
+    pub ephemeral: bool,
+}
+
+/// What computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BackendChoice {
+    /// The best graphics adapter; the CPU where there is none.
+    Auto,
+    /// The best graphics adapter; not starting where there is none.
+    Gpu,
+    /// The CPU.
+    Cpu,
+}
+
+/// What the log says.
+#[derive(Args, Clone, Debug)]
+pub struct LogConfig {
+    /// What is logged to standard error: a level, or levels for parts, as in `info,firn=debug`.
+    #[arg(
+        long,
+        env = "FIRN_LOG",
+        default_value = "info,wgpu_core=warn,wgpu_hal=error,naga=warn",
+        value_name = "FILTER"
+    )]
+    pub log: String,
+}
+
+fn parse_bytes_here(text: &str) -> Result<usize, String> {
+    let bytes = parse_bytes(text)?;
+    usize::try_from(bytes).map_err(|_| format!("{bytes} bytes are more than this machine counts"))
+}
+
+/// Reads a number of bytes: `1048576`, `1024KiB`, `1MiB`.
+fn parse_bytes(text: &str) -> Result<u64, String> {
+    let digits = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
+    let (number, unit) = text.split_at(digits);
+    let factor: u64 = match unit.trim_start() {
+        "" | "B" => 1,
+        "KiB" => 1 << 10,
+        "MiB" => 1 << 20,
+        "GiB" => 1 << 30,
+        "TiB" => 1 << 40,
+        other => return Err(format!("'{other}' is no unit; use KiB, MiB, GiB or TiB")),
+    };
+    let number: u64 = number.parse().map_err(|_| "expected a number, as in 16MiB".to_owned())?;
+    number.checked_mul(factor).ok_or_else(|| format!("{text} is too much"))
+}
+
+/// Reads a time that is not zero: `30s`, `1m 30s`, or plain seconds.
+fn parse_duration(text: &str) -> Result<Duration, String> {
+    let time = match text.parse::<u64>() {
+        Ok(seconds) => Duration::from_secs(seconds),
+        Err(_) => humantime::parse_duration(text).map_err(|error| error.to_string())?,
+    };
+    if time.is_zero() { Err("must be longer than 0".to_owned()) } else { Ok(time) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_have_units() {
+        assert_eq!(parse_bytes("12"), Ok(12));
+        assert_eq!(parse_bytes("16MiB"), Ok(16 << 20));
+        assert_eq!(parse_bytes("8 GiB"), Ok(8 << 30));
+        for wrong in ["", "MiB", "-1", "1.5MiB", "1MB", "99999999999TiB"] {
+            assert!(parse_bytes(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn times_have_units() {
+        assert_eq!(parse_duration("30"), Ok(Duration::from_secs(30)));
+        assert_eq!(parse_duration("1m 30s"), Ok(Duration::from_secs(90)));
+        for wrong in ["", "0s", "soon", "-1"] {
+            assert!(parse_duration(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! The reference columns behind the same frames as the GPU's: for machines without an adapter, and
+//! for tests that compare the two.
+
+use std::collections::{HashMap, VecDeque};
+use std::time::Duration;
+
+use super::frame::{
+    Backend, DeviceInfo, Edit, EngineError, Frame, Layout, Outcome, Slot, TileCells, TileHeights,
+    Work, WorkOutcome,
+};
+use crate::snow::{Column, Grid, Snowpack, TILE_COLUMNS};
+
+/// Bytes of a slot's mass, thickness, temperature and stress.
+const BYTES_PER_CELL: u64 = 16;
+
+/// Bytes of what is kept for each column besides its slots.
+const BYTES_PER_COLUMN: u64 = 8;
+
+/// Steps snowpacks on the CPU.
+///
+/// A frame is carried out when it is submitted; its outcome waits to be polled.
+#[derive(Debug)]
+pub struct CpuBackend {
+    device: DeviceInfo,
+    snowpacks: HashMap<Slot, Snowpack>,
+    outcomes: VecDeque<Outcome>,
+    memory: u64,
+    memory_budget: Option<u64>,
+    always_awake: bool,
+}
+
+impl CpuBackend {
+    /// A backend without snowpacks, which holds no more than `memory_budget` bytes of them, and
+    /// which lets no tile sleep where they are to be `always_awake`.
+    pub fn new(memory_budget: Option<u64>, always_awake: bool) -> CpuBackend {
+        CpuBackend {
+            device: DeviceInfo { adapter: "cpu".into(), backend: "cpu".into() },
+            snowpacks: HashMap::new(),
+            outcomes: VecDeque::new(),
+            memory: 0,
+            memory_budget,
+            always_awake,
+        }
+    }
+
+    /// Carries out one snowpack's part of a frame.
+    fn work(
+        &mut self,
+        work: Work,
+        tiles: &mut Vec<TileHeights>,
+    ) -> Result<WorkOutcome, EngineError> {
+        let slot = work.slot;
+        let snowpack = self.snowpacks.get_mut(&slot).ok_or_else(|| {
+            EngineError::DeviceFailed(format!("a frame has work for slot {slot}, which is empty"))
+        })?;
+        let edited = !work.edits.is_empty() || work.wake;
+        let mut put = false;
+        let mut edits = Vec::with_capacity(work.edits.len());
+        for edit in work.edits {
+            // The depth an object sinks counts from where it was put, not from later snow.
+            if put && matches!(edit, Edit::Deposit(_) | Edit::Clear { .. }) {
+                snowpack.evaluate();
+            }
+            put = matches!(edit, Edit::PutCollider { .. });
+            edits.push(apply(snowpack, edit));
+        }
+        if work.wake {
+            snowpack.wake();
+        }
+        if edited && work.run.cycles == 0 {
+            snowpack.evaluate();
+        }
+        let mut outcome = WorkOutcome {
+            slot,
+            edits,
+            last_change: snowpack.run(work.run.cycles, work.run.dt),
+            ..WorkOutcome::default()
+        };
+        if work.publish {
+            outcome.active_tiles = snowpack.active_tiles();
+            outcome.contacts = snowpack.contacts().map(|(id, c)| (id.clone(), *c)).collect();
+            let changed = snowpack.take_dirty();
+            tiles.extend(changed.map(|(tile, heights)| TileHeights { slot, tile, heights }));
+        }
+        if work.tally {
+            outcome.mass = snowpack.mass();
+        }
+        let height = snowpack.grid().height;
+        outcome.gathered =
+            work.gather.iter().map(|&tile| tile_cells(snowpack.tile(tile), height)).collect();
+        Ok(outcome)
+    }
+}
+
+impl Backend for CpuBackend {
+    fn device(&self) -> &DeviceInfo {
+        &self.device
+    }
+
+    fn create(&mut self, slot: Slot, layout: &Layout) -> Result<(), EngineError> {
+        let needed = bytes(&layout.grid);
+        if let Some(allowed) = self.memory_budget
+            && needed > allowed.saturating_sub(self.memory)
+        {
+            return Err(EngineError::OutOfMemory(format!(
+                "the snowpack needs {needed} bytes; {} of the {allowed} allowed are held already",
+                self.memory
+            )));
+        }
+        self.release(slot);
+        let snowpack =
+            Snowpack::new(layout.grid, layout.material, &layout.ground, self.always_awake);
+        self.snowpacks.insert(slot, snowpack);
+        self.memory += needed;
+        Ok(())
+    }
+
+    fn release(&mut self, slot: Slot) {
+        if let Some(snowpack) = self.snowpacks.remove(&slot) {
+            self.memory -= bytes(snowpack.grid());
+        }
+    }
+
+    fn submit(&mut self, frame: Frame) -> Result<(), EngineError> {
+        let mut outcome = Outcome::default();
+        for work in frame.work {
+            let done = self.work(work, &mut outcome.tiles)?;
+            outcome.work.push(done);
+        }
+        self.outcomes.push_back(outcome);
+        Ok(())
+    }
+
+    fn poll(&mut self, _patience: Duration) -> Result<Option<Outcome>, EngineError> {
+        Ok(self.outcomes.pop_front())
+    }
+
+    fn memory(&self) -> u64 {
+        self.memory
+    }
+}
+
+/// Applies a change; returns the mass quanta that it refused or removed.
+fn apply(snowpack: &mut Snowpack, edit: Edit) -> u64 {
+    match edit {
+        Edit::Deposit(fall) => {
+            return snowpack.deposit(fall.columns, fall.depth, fall.mass, fall.temperature);
+        }
+        Edit::Clear { columns, depth } => return snowpack.clear(columns, depth),
+        Edit::PutCollider { id, collider, placed } => {
+            snowpack.put_collider(id, collider.mass, collider.footprint.clone(), placed);
+        }
+        Edit::RemoveCollider { id } => snowpack.remove_collider(&id),
+        Edit::SetMaterial(material) => snowpack.set_material(material),
+    }
+    0
+}
+
+/// A tile's cells, slot by slot; without columns, all of them empty.
+fn tile_cells(columns: Option<&[Column]>, height: u32) -> TileCells {
+    let length = (height * TILE_COLUMNS) as usize;
+    let mut cells = TileCells {
+        mass: vec![0; length],
+        thickness: vec![0; length],
+        temperature: vec![0.0; length],
+        stress: vec![0.0; length],
+    };
+    for (index, column) in columns.unwrap_or_default().iter().enumerate() {
+        for (slot, cell) in column.cells.iter().enumerate() {
+            let at = slot * TILE_COLUMNS as usize + index;
+            cells.mass[at] = cell.mass;
+            cells.thickness[at] = cell.thickness;
+            cells.temperature[at] = cell.temperature;
+            cells.stress[at] = cell.stress;
+        }
+    }
+    cells
+}
+
+/// Bytes that a snowpack of whole tiles takes.
+fn bytes(grid: &Grid) -> u64 {
+    let column = u64::from(grid.height) * BYTES_PER_CELL + BYTES_PER_COLUMN;
+    u64::from(grid.tiles()) * u64::from(TILE_COLUMNS) * column
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::frame::{Deposit, Run};
+    use crate::snow::{CELL, ColumnRect, Material};
+
+    fn layout(width: u32, depth: u32) -> Layout {
+        let grid = Grid { width, depth, height: 4, cell_size: 0.2 };
+        Layout { grid, material: Material::default(), ground: Vec::new() }
+    }
+
+    fn outcome(backend: &mut CpuBackend, work: Work) -> Outcome {
+        backend.submit(Frame { work: vec![work] }).expect("the slot is taken");
+        backend.poll(Duration::ZERO).expect("nothing fails").expect("the frame has been done")
+    }
+
+    #[test]
+    fn a_frame_edits_runs_and_reports() {
+        let mut backend = CpuBackend::new(None, false);
+        backend.create(3, &layout(9, 2)).expect("there is room");
+        let columns = ColumnRect { x0: 7, z0: 1, x1: 9, z1: 2 };
+        let fall = Deposit { columns, depth: 5 * CELL, mass: 5 << 20, temperature: -3.0 };
+        let edits = vec![Edit::Deposit(fall), Edit::Clear { columns, depth: 3 * CELL }];
+        let run = Run { cycles: 2, dt: 0.25 };
+        let work =
+            Work { slot: 3, edits, run, publish: true, tally: true, gather: vec![1], wake: false };
+        let done = outcome(&mut backend, work);
+        let own = &done.work[0];
+        assert_eq!(
+            own.edits,
+            [2 << 20, 2 << 20],
+            "one cell of each column is refused, one cleared"
+        );
+        assert_eq!((own.slot, own.mass, own.last_change), (3, 6 << 20, 0));
+        let tiles: Vec<u32> = done.tiles.iter().map(|tile| tile.tile).collect();
+        assert_eq!(tiles, [0, 1], "a new snowpack is reported whole");
+        assert_eq!(done.tiles[1].heights[8], 3 * CELL);
+        let cells = &own.gathered[0];
+        assert_eq!(cells.mass.len(), 4 * 64);
+        assert_eq!([0, 8, 72, 136, 200].map(|i| cells.mass[i]), [0, 1 << 20, 1 << 20, 1 << 20, 0]);
+        assert!((cells.stress[8] - 3.0 * 39.24).abs() < 0.01);
+
+        let idle = outcome(&mut backend, Work { slot: 3, publish: true, ..Work::default() });
+        assert!(idle.tiles.is_empty(), "nothing has changed since");
+        assert!(backend.poll(Duration::ZERO).expect("nothing fails").is_none());
+    }
+
+    #[test]
+    fn memory_beyond_the_budget_is_refused() {
+        let tile = 64 * (4 * 16 + 8);
+        let mut backend = CpuBackend::new(Some(3 * tile), false);
+        backend.create(0, &layout(9, 2)).expect("two tiles fit");
+        assert_eq!(backend.memory(), 2 * tile);
+        let refused = backend.create(1, &layout(9, 2)).expect_err("two more do not");
+        assert!(matches!(refused, EngineError::OutOfMemory(_)), "{refused}");
+        assert_eq!(backend.memory(), 2 * tile);
+        backend.release(0);
+        assert_eq!(backend.memory(), 0);
+        backend.create(1, &layout(24, 1)).expect("three tiles fit now");
+        let nobody = Frame { work: vec![Work::default()] };
+        assert!(matches!(backend.submit(nobody), Err(EngineError::DeviceFailed(_))));
+    }
+}

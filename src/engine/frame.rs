@@ -1,0 +1,217 @@
+//! What a backend is asked to do in one frame, and what comes back.
+//!
+//! A frame is plain data, so that the GPU and the CPU backends do the same work for the same frame.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::snow::{ColumnRect, Contact, Footprint, Grid, Material, TILE_COLUMNS};
+
+/// A snowpack's row in the backend's tables.
+pub type Slot = u32;
+
+/// What a snowpack is made with.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    /// Size of the grid.
+    pub grid: Grid,
+    /// Material constants.
+    pub material: Material,
+    /// Ground elevation of each column in elevation units, row by row; empty for level ground.
+    pub ground: Vec<u32>,
+}
+
+/// Everything that is to happen in one frame; sessions are independent of each other.
+#[derive(Clone, Debug, Default)]
+pub struct Frame {
+    /// One entry for each snowpack that has something to do.
+    pub work: Vec<Work>,
+}
+
+/// One snowpack's part of a frame, in the order of its fields.
+#[derive(Clone, Debug, Default)]
+pub struct Work {
+    /// The snowpack.
+    pub slot: Slot,
+    /// Changes, in order of arrival.
+    pub edits: Vec<Edit>,
+    /// Wakes every tile: something that all cells depend on has changed.
+    pub wake: bool,
+    /// Cycles to run after the edits.
+    pub run: Run,
+    /// Report tiles that changed since the last report, and the contacts.
+    pub publish: bool,
+    /// Sum the masses of all cells, after the cycles.
+    pub tally: bool,
+    /// Tiles whose cells are to be read back after the cycles.
+    pub gather: Vec<u32>,
+}
+
+/// A number of equal cycles.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Run {
+    /// Cycles.
+    pub cycles: u32,
+    /// Simulated time Δt of each \[s\].
+    pub dt: f64,
+}
+
+/// A change of one snowpack.
+#[derive(Clone, Debug)]
+pub enum Edit {
+    /// Snow falls on some columns.
+    Deposit(Deposit),
+    /// Snow is removed above a depth.
+    Clear {
+        /// The columns.
+        columns: ColumnRect,
+        /// Depth left standing, in thickness quanta.
+        depth: u32,
+    },
+    /// An object is placed, replaced or moved.
+    PutCollider {
+        /// Its id; loads add up in ascending order of ids.
+        id: Arc<str>,
+        /// The object.
+        collider: Arc<Placement>,
+        /// Whether the depth it has sunk is counted from here.
+        placed: bool,
+    },
+    /// An object is taken away.
+    RemoveCollider {
+        /// Its id.
+        id: Arc<str>,
+    },
+    /// Other material constants.
+    SetMaterial(Material),
+}
+
+/// Fresh snow on every column of a rectangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deposit {
+    /// The columns.
+    pub columns: ColumnRect,
+    /// Depth in thickness quanta, at most `height` cells.
+    pub depth: u32,
+    /// Areal mass in quanta.
+    pub mass: u32,
+    /// Temperature \[°C\].
+    pub temperature: f32,
+}
+
+/// An object's load and where it stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placement {
+    /// Mass \[kg\].
+    pub mass: f64,
+    /// Columns under it.
+    pub footprint: Footprint,
+}
+
+/// What a frame did.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// One entry for each entry of the frame's `work`, in its order.
+    pub work: Vec<WorkOutcome>,
+    /// Heights of the tiles that changed, of all snowpacks that published.
+    pub tiles: Vec<TileHeights>,
+}
+
+/// What one snowpack's part of a frame did.
+#[derive(Clone, Debug, Default)]
+pub struct WorkOutcome {
+    /// The snowpack.
+    pub slot: Slot,
+    /// For each edit, the mass quanta it refused (`Deposit`) or removed (`Clear`).
+    pub edits: Vec<u64>,
+    /// 1 + index of the last cycle of the run in which a cell changed; 0 where none did.
+    pub last_change: u32,
+    /// Tiles that are awake; counted where the snowpack published.
+    pub active_tiles: u32,
+    /// Mass quanta in all cells, where a tally was asked for.
+    pub mass: u64,
+    /// Contacts in ascending order of ids, where the snowpack published.
+    pub contacts: Vec<(Arc<str>, Contact)>,
+    /// Cells of the tiles in `gather`, in its order.
+    pub gathered: Vec<TileCells>,
+}
+
+/// Column heights of one tile.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TileHeights {
+    /// The snowpack.
+    pub slot: Slot,
+    /// The tile's index in it.
+    pub tile: u32,
+    /// Heights in thickness quanta; 0 outside the grid.
+    pub heights: [u32; TILE_COLUMNS as usize],
+}
+
+/// All cells of one tile: index = slot · 64 + column, as in the arena.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TileCells {
+    /// Areal mass in quanta; 0 where a slot is empty.
+    pub mass: Vec<u32>,
+    /// Thickness in quanta; 0 where a slot is empty.
+    pub thickness: Vec<u32>,
+    /// Temperature \[°C\].
+    pub temperature: Vec<f32>,
+    /// Vertical stress σ \[Pa\].
+    pub stress: Vec<f32>,
+}
+
+/// The device a backend runs on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeviceInfo {
+    /// Name of the adapter, or `cpu`.
+    pub adapter: String,
+    /// Graphics interface, or `cpu`.
+    pub backend: String,
+}
+
+/// Why a backend could not do something.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    /// The device's memory, or the part of it that may be used, is full.
+    #[error("device memory is full: {0}")]
+    OutOfMemory(String),
+    /// There is no adapter that can do the work.
+    #[error("no usable graphics adapter: {0}")]
+    NoAdapter(String),
+    /// The device was lost or misbehaved; nothing more can be done with it.
+    #[error("the graphics device failed: {0}")]
+    DeviceFailed(String),
+}
+
+/// Holds snowpacks and steps them, frame by frame.
+///
+/// Frames are carried out in the order in which they are submitted. A backend is used from one
+/// thread.
+pub trait Backend {
+    /// The device.
+    fn device(&self) -> &DeviceInfo;
+
+    /// Makes an empty snowpack in a slot that is free.
+    ///
+    /// # Errors
+    /// [`EngineError::OutOfMemory`] leaves everything as it was.
+    fn create(&mut self, slot: Slot, layout: &Layout) -> Result<(), EngineError>;
+
+    /// Frees a snowpack's memory. Frames already submitted still see it.
+    fn release(&mut self, slot: Slot);
+
+    /// Begins a frame.
+    ///
+    /// # Errors
+    /// [`EngineError::DeviceFailed`].
+    fn submit(&mut self, frame: Frame) -> Result<(), EngineError>;
+
+    /// The oldest outcome not yet taken, waiting for it no longer than `patience`.
+    ///
+    /// # Errors
+    /// [`EngineError::DeviceFailed`].
+    fn poll(&mut self, patience: Duration) -> Result<Option<Outcome>, EngineError>;
+
+    /// Bytes of device memory held for snowpacks.
+    fn memory(&self) -> u64;
+}

@@ -1,0 +1,339 @@
+//! Where snowpacks live on the device: tables of tiles and columns for all of them, and pages of
+//! cells that are added as they fill and released when they are empty.
+
+use std::ops::Range;
+
+use crate::engine::frame::{EngineError, Layout, Slot};
+use crate::snow::TILE_COLUMNS;
+
+use super::buffer::Table;
+use super::device::Device;
+use super::kernels::Resource;
+use super::layout::{self, DIRTY, NO_SESSION};
+use super::ranges::Ranges;
+
+/// Bytes of one row of 64 cells in one of a page's four buffers.
+const ROW_BYTES: u64 = 4 * TILE_COLUMNS as u64;
+
+/// Rows of the smallest page.
+const SMALLEST_PAGE: u32 = 1 << 15;
+
+/// Tiles the tables begin with.
+const FIRST_TILES: u32 = 1 << 10;
+
+/// Cells of some tiles, in four buffers of one element for each cell.
+#[derive(Debug)]
+pub struct Page {
+    rows: Ranges,
+    /// Mass, thickness, temperature and stress.
+    pub cells: [wgpu::Buffer; 4],
+}
+
+/// Where a tile's cells are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The page.
+    pub page: u32,
+    /// First row of 64 cells in it.
+    pub row: u32,
+}
+
+/// A snowpack's part of the arena.
+#[derive(Debug)]
+pub struct Lot {
+    /// Its tiles in the tables.
+    pub tiles: Range<u32>,
+    /// Where each tile's cells are.
+    pub places: Vec<Place>,
+    /// Rows of a tile.
+    pub height: u32,
+}
+
+/// The tables of tiles and columns, and the pages of cells.
+#[derive(Debug)]
+pub struct Arena {
+    tiles: Ranges,
+    /// Tables with a row for each tile: tiles, states, tops; heights, filled slots and ground of
+    /// each tile's columns.
+    tables: [(Resource, Table); 6],
+    /// Pages by their numbers; the place of one that was released is free.
+    pub pages: Vec<Option<Page>>,
+    budget: u64,
+    /// Counts replacements of buffers, after which bindings have to be made anew.
+    pub generation: u64,
+}
+
+/// Bytes for each tile in the tables, in the order of `Arena::tables`.
+const TILE_BYTES: [u64; 6] = [16, 4, 4, ROW_BYTES, ROW_BYTES, ROW_BYTES];
+
+impl Arena {
+    /// An arena that takes no more than `budget` bytes.
+    pub fn new(device: &Device, budget: u64) -> Arena {
+        let usage = wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::COPY_DST
+            | wgpu::BufferUsages::COPY_SRC;
+        let mut bytes = TILE_BYTES.into_iter();
+        let mut table = |resource, label| {
+            let size = u64::from(FIRST_TILES) * bytes.next().unwrap_or(ROW_BYTES);
+            (resource, Table::new(&device.device, label, usage, size))
+        };
+        let tables = [
+            table(Resource::Tiles, "tiles"),
+            table(Resource::States, "states"),
+            table(Resource::Tops, "tops"),
+            table(Resource::Heights, "heights"),
+            table(Resource::Filled, "filled"),
+            table(Resource::Ground, "ground"),
+        ];
+        let arena =
+            Arena { tiles: Ranges::new(FIRST_TILES), tables, pages: Vec::new(), budget, generation: 0 };
+        arena.disown(device, 0..FIRST_TILES);
+        arena
+    }
+
+    /// The buffer of a table of tiles or columns.
+    pub fn table(&self, resource: Resource) -> Option<&wgpu::Buffer> {
+        self.tables.iter().find(|(r, _)| *r == resource).map(|(_, table)| table.buffer())
+    }
+
+    /// End of the last tile in use.
+    pub fn tile_end(&self) -> u32 {
+        self.tiles.end()
+    }
+
+    /// Rows of a page's cells.
+    pub fn page_rows(&self, page: usize) -> u32 {
+        self.pages[page].as_ref().map_or(0, |page| page.rows.capacity())
+    }
+
+    /// Bytes of device memory held for cells, and for the tables of the tiles in use.
+    pub fn memory(&self) -> u64 {
+        let pages: u64 = (0..self.pages.len()).map(|p| page_bytes(self.page_rows(p))).sum();
+        pages + u64::from(self.tiles.end()) * TILE_BYTES.iter().sum::<u64>()
+    }
+
+    /// Takes a part of the arena for an empty snowpack.
+    ///
+    /// # Errors
+    /// [`EngineError::OutOfMemory`]; nothing is taken then.
+    pub fn take(&mut self, device: &Device, slot: Slot, layout: &Layout) -> Result<Lot, EngineError> {
+        let count = layout.grid.tiles();
+        let height = layout.grid.height;
+        let tiles = self.take_tiles(device, count)?;
+        let places = match self.take_places(device, count, height) {
+            Ok(places) => places,
+            Err(error) => {
+                self.tiles.give_back(tiles);
+                return Err(error);
+            }
+        };
+        let lot = Lot { tiles, places, height };
+        self.furnish(device, slot, layout, &lot);
+        Ok(lot)
+    }
+
+    /// Gives a snowpack's part back, and releases the pages that are empty then.
+    pub fn give_back(&mut self, device: &Device, lot: Lot) {
+        self.disown(device, lot.tiles.clone());
+        self.tiles.give_back(lot.tiles);
+        self.give_back_places(&lot.places, lot.height);
+    }
+
+    fn give_back_places(&mut self, places: &[Place], height: u32) {
+        for place in places {
+            if let Some(page) = &mut self.pages[place.page as usize] {
+                page.rows.give_back(place.row..place.row + height);
+            }
+        }
+        for page in &mut self.pages {
+            if page.as_ref().is_some_and(|page| page.rows.is_empty()) {
+                *page = None;
+                self.generation += 1;
+            }
+        }
+    }
+
+    fn take_tiles(&mut self, device: &Device, count: u32) -> Result<Range<u32>, EngineError> {
+        if let Some(tiles) = self.tiles.take(count) {
+            return Ok(tiles);
+        }
+        let old = self.tiles.capacity();
+        let most = device.largest_binding() / ROW_BYTES;
+        let wanted = u64::from(old).saturating_mul(2).max(u64::from(old) + u64::from(count));
+        let capacity = wanted.min(most);
+        if capacity < u64::from(old) + u64::from(count) {
+            return Err(EngineError::OutOfMemory(format!(
+                "{count} tiles more than the {old} there are would exceed the device's tables of \
+                 {most} tiles"
+            )));
+        }
+        device.allocate(|| {
+            for ((_, table), bytes) in self.tables.iter_mut().zip(TILE_BYTES) {
+                table.grow(&device.device, &device.queue, capacity * bytes);
+            }
+        })?;
+        self.generation += 1;
+        self.tiles.grow(capacity as u32);
+        self.disown(device, old..capacity as u32);
+        self.tiles.take(count).ok_or_else(|| EngineError::OutOfMemory("no tiles".to_owned()))
+    }
+
+    /// Finds room for the cells of tiles: as many as fit in each page, new pages for the rest.
+    fn take_places(
+        &mut self,
+        device: &Device,
+        count: u32,
+        height: u32,
+    ) -> Result<Vec<Place>, EngineError> {
+        let mut places = Vec::with_capacity(count as usize);
+        while places.len() < count as usize {
+            let left = count - places.len() as u32;
+            let found = (0..).zip(&mut self.pages).find_map(|(number, page)| {
+                let rows = &mut page.as_mut()?.rows;
+                let fitting = (rows.longest() / height).min(left);
+                if fitting == 0 {
+                    return None;
+                }
+                rows.take(fitting * height).map(|taken| (number, taken))
+            });
+            if let Some((page, taken)) = found {
+                places.extend(
+                    taken.step_by(height as usize).map(|row| Place { page, row }),
+                );
+            } else if let Err(error) = self.add_page(device, left, height) {
+                self.give_back_places(&places, height);
+                return Err(error);
+            }
+        }
+        Ok(places)
+    }
+
+    /// Adds a page that holds `tiles` tiles, or as many as one binding does.
+    fn add_page(&mut self, device: &Device, tiles: u32, height: u32) -> Result<(), EngineError> {
+        let most = (device.largest_binding() / ROW_BYTES).min(u64::from(u32::MAX / TILE_COLUMNS));
+        let needed = (u64::from(tiles) * u64::from(height)).min(most / u64::from(height) * u64::from(height));
+        // Pages grow with the arena, so that there are few of them to dispatch.
+        let held: u64 = (0..self.pages.len()).map(|p| u64::from(self.page_rows(p))).sum();
+        let ample = held.max(u64::from(SMALLEST_PAGE)).max(needed).min(most);
+        let available = self.budget.saturating_sub(self.memory()) / page_bytes(1);
+        let rows = ample.min(available.max(needed));
+        if needed > available || rows < u64::from(height) {
+            return Err(EngineError::OutOfMemory(format!(
+                "{} bytes for cells are needed; {} of the {} bytes that may be used are taken",
+                page_bytes(needed as u32),
+                self.memory(),
+                self.budget
+            )));
+        }
+        let usage = wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::COPY_DST
+            | wgpu::BufferUsages::COPY_SRC;
+        let cells = device.allocate(|| {
+            ["mass", "thickness", "temperature", "stress"].map(|label| {
+                device.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some(label),
+                    size: rows * ROW_BYTES,
+                    usage,
+                    mapped_at_creation: false,
+                })
+            })
+        })?;
+        let page = Some(Page { rows: Ranges::new(rows as u32), cells });
+        match self.pages.iter_mut().find(|page| page.is_none()) {
+            Some(free) => *free = page,
+            None => self.pages.push(page),
+        }
+        self.generation += 1;
+        Ok(())
+    }
+
+    /// Makes tiles those of an empty snowpack, whatever was there before.
+    fn furnish(&self, device: &Device, slot: Slot, layout: &Layout, lot: &Lot) {
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        for extent in extents(&lot.places, lot.height) {
+            let Some(page) = &self.pages[extent.0 as usize] else { continue };
+            let bytes = u64::from(extent.1.end - extent.1.start) * ROW_BYTES;
+            for cells in &page.cells {
+                encoder.clear_buffer(cells, u64::from(extent.1.start) * ROW_BYTES, Some(bytes));
+            }
+        }
+        for ((resource, table), bytes) in self.tables.iter().zip(TILE_BYTES) {
+            if *resource != Resource::Tiles {
+                let count = u64::from(lot.tiles.end - lot.tiles.start);
+                let first = u64::from(lot.tiles.start);
+                encoder.clear_buffer(table.buffer(), first * bytes, Some(count * bytes));
+            }
+        }
+        device.queue.submit([encoder.finish()]);
+
+        let rows: Vec<layout::Tile> = lot
+            .places
+            .iter()
+            .map(|place| layout::Tile { session: slot, page: place.page, row: place.row, loaded: 0 })
+            .collect();
+        self.write(device, Resource::Tiles, lot.tiles.start, &rows);
+        self.write(device, Resource::States, lot.tiles.start, &vec![DIRTY; rows.len()]);
+        if !layout.ground.is_empty() {
+            let mut ground = vec![0u32; rows.len() * TILE_COLUMNS as usize];
+            for z in 0..layout.grid.depth {
+                for x in 0..layout.grid.width {
+                    let (tile, column) = layout.grid.locate(x, z);
+                    ground[(tile * TILE_COLUMNS + column) as usize] =
+                        layout.ground[(z * layout.grid.width + x) as usize];
+                }
+            }
+            self.write(device, Resource::Ground, lot.tiles.start * TILE_COLUMNS, &ground);
+        }
+    }
+
+    /// Marks tiles as nobody's.
+    fn disown(&self, device: &Device, tiles: Range<u32>) {
+        let row = layout::Tile { session: NO_SESSION, page: 0, row: 0, loaded: 0 };
+        self.write(device, Resource::Tiles, tiles.start, &vec![row; tiles.len()]);
+    }
+
+    /// Fills all memory that no snowpack owns with rubbish.
+    pub fn poison(&self, device: &Device) {
+        let fill = |buffer: &wgpu::Buffer, rows: &Range<u32>, bytes: u64| {
+            let rubbish = vec![0xa5_u8; rows.len() * bytes as usize];
+            device.queue.write_buffer(buffer, u64::from(rows.start) * bytes, &rubbish);
+        };
+        for page in self.pages.iter().flatten() {
+            for rows in page.rows.free() {
+                page.cells.iter().for_each(|cells| fill(cells, &rows, ROW_BYTES));
+            }
+        }
+        for ((resource, table), bytes) in self.tables.iter().zip(TILE_BYTES) {
+            if *resource != Resource::Tiles {
+                self.tiles.free().for_each(|rows| fill(table.buffer(), &rows, bytes));
+            }
+        }
+    }
+
+    /// Writes rows of a table ahead of the next submit.
+    pub fn write<T: bytemuck::Pod>(&self, device: &Device, table: Resource, first: u32, rows: &[T]) {
+        if let Some(buffer) = self.table(table) {
+            let offset = u64::from(first) * std::mem::size_of::<T>() as u64;
+            device.queue.write_buffer(buffer, offset, bytemuck::cast_slice(rows));
+        }
+    }
+}
+
+/// Bytes of the four buffers of a page.
+fn page_bytes(rows: u32) -> u64 {
+    4 * ROW_BYTES * u64::from(rows)
+}
+
+/// Runs of neighbouring places as a page and its rows.
+fn extents(places: &[Place], height: u32) -> Vec<(u32, Range<u32>)> {
+    let mut extents: Vec<(u32, Range<u32>)> = Vec::new();
+    for place in places {
+        match extents.last_mut() {
+            Some((page, rows)) if *page == place.page && rows.end == place.row => {
+                rows.end += height;
+            }
+            _ => extents.push((place.page, place.row..place.row + height)),
+        }
+    }
+    extents
+}

@@ -1,0 +1,113 @@
+//! Buffers that grow.
+
+use bytemuck::Pod;
+
+/// Smallest buffer that is made, so that none is empty.
+const SMALLEST: u64 = 256;
+
+/// A buffer on the device that is replaced by a larger one when it is outgrown.
+#[derive(Debug)]
+pub struct Table {
+    label: &'static str,
+    usage: wgpu::BufferUsages,
+    buffer: wgpu::Buffer,
+}
+
+impl Table {
+    /// A buffer of a size in bytes.
+    pub fn new(
+        device: &wgpu::Device,
+        label: &'static str,
+        usage: wgpu::BufferUsages,
+        size: u64,
+    ) -> Table {
+        Table { label, usage, buffer: make(device, label, usage, size) }
+    }
+
+    /// The buffer as it is now.
+    pub fn buffer(&self) -> &wgpu::Buffer {
+        &self.buffer
+    }
+
+    /// Size in bytes.
+    pub fn size(&self) -> u64 {
+        self.buffer.size()
+    }
+
+    /// Makes room for `size` bytes; what was there is lost where it grows. Returns whether it did.
+    pub fn reserve(&mut self, device: &wgpu::Device, size: u64) -> bool {
+        if size <= self.size() {
+            return false;
+        }
+        self.buffer = make(device, self.label, self.usage, size.next_power_of_two());
+        true
+    }
+
+    /// Replaces the buffer by one of `size` bytes that begins with the same contents.
+    pub fn grow(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, size: u64) {
+        let larger = make(device, self.label, self.usage, size);
+        let mut encoder = device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(&self.buffer, 0, &larger, 0, self.size());
+        queue.submit([encoder.finish()]);
+        self.buffer = larger;
+    }
+}
+
+fn make(
+    device: &wgpu::Device,
+    label: &'static str,
+    usage: wgpu::BufferUsages,
+    size: u64,
+) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: size.max(SMALLEST).next_multiple_of(4),
+        usage,
+        mapped_at_creation: false,
+    })
+}
+
+/// Rows written by the host anew for every submit.
+#[derive(Debug)]
+pub struct Upload<T> {
+    /// The rows of the submit that is being made.
+    pub rows: Vec<T>,
+    table: Table,
+}
+
+impl<T: Pod> Upload<T> {
+    /// No rows.
+    pub fn new(device: &wgpu::Device, label: &'static str, usage: wgpu::BufferUsages) -> Upload<T> {
+        let usage = usage | wgpu::BufferUsages::COPY_DST;
+        Upload { rows: Vec::new(), table: Table::new(device, label, usage, SMALLEST) }
+    }
+
+    /// The buffer as it is now.
+    pub fn buffer(&self) -> &wgpu::Buffer {
+        self.table.buffer()
+    }
+
+    /// Adds a row and returns its number.
+    pub fn push(&mut self, row: T) -> u32 {
+        self.rows.push(row);
+        self.rows.len() as u32 - 1
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> u32 {
+        self.rows.len() as u32
+    }
+
+    /// Writes the rows to the device, ahead of the submit, and forgets them. Returns whether the
+    /// buffer was replaced.
+    pub fn flush(&mut self, device: &wgpu::Device, queue: &wgpu::Queue) -> bool {
+        if self.rows.is_empty() {
+            return false;
+        }
+        let bytes = bytemuck::cast_slice(&self.rows);
+        let grew = self.table.reserve(device, bytes.len() as u64);
+        queue.write_buffer(self.table.buffer(), 0, bytes);
+        self.rows.clear();
+        grew
+    }
+}

@@ -1,0 +1,158 @@
+//! The graphics device: which one is taken, and what has gone wrong with it.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use tracing::warn;
+
+use crate::engine::frame::{DeviceInfo, EngineError};
+
+use super::kernels::{KERNELS, Resource};
+
+/// A device, its queue, and the first thing that went wrong with it.
+#[derive(Debug)]
+pub struct Device {
+    /// The device.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+    /// Name and interface of the adapter.
+    pub info: DeviceInfo,
+    failure: Arc<Mutex<Option<String>>>,
+}
+
+impl Device {
+    /// Opens the best adapter: discrete before integrated, virtual and software ones.
+    ///
+    /// # Errors
+    /// [`EngineError::NoAdapter`] where none can run the kernels.
+    pub fn open() -> Result<Device, EngineError> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::PRIMARY;
+        // Indirect arguments come from our own kernel: no need to check them at every dispatch.
+        descriptor.flags = wgpu::InstanceFlags::default()
+            .difference(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
+        let instance = wgpu::Instance::new(descriptor);
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        adapters.sort_by_key(|adapter| rank(adapter.get_info().device_type));
+        let mut reasons = Vec::new();
+        for adapter in adapters {
+            match Device::from_adapter(&adapter) {
+                Ok(device) => return Ok(device),
+                Err(reason) => {
+                    let name = adapter.get_info().name;
+                    warn!(adapter = name, "passed over: {reason}");
+                    reasons.push(format!("{name}: {reason}"));
+                }
+            }
+        }
+        Err(EngineError::NoAdapter(if reasons.is_empty() {
+            "no Vulkan, Metal or DirectX 12 driver was found; on Debian and Ubuntu the packages \
+             'libvulkan1 mesa-vulkan-drivers' hold one that needs no hardware"
+                .to_owned()
+        } else {
+            reasons.join("; ")
+        }))
+    }
+
+    fn from_adapter(adapter: &wgpu::Adapter) -> Result<Device, String> {
+        let limits = adapter.limits();
+        let needed = most_storage_buffers();
+        if limits.max_storage_buffers_per_shader_stage < needed {
+            return Err(format!(
+                "it binds {} storage buffers at a time; {needed} are needed",
+                limits.max_storage_buffers_per_shader_stage
+            ));
+        }
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+                label: Some("firn"),
+                required_limits: limits,
+                ..Default::default()
+            }))
+            .map_err(|error| error.to_string())?;
+        let info = adapter.get_info();
+        let failure = Arc::new(Mutex::new(None));
+        let note = |failure: &Arc<Mutex<Option<String>>>| {
+            let failure = failure.clone();
+            move |what: String| {
+                failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(what);
+            }
+        };
+        let uncaptured = note(&failure);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            uncaptured(error.to_string());
+        }));
+        let lost = note(&failure);
+        device.set_device_lost_callback(move |reason, message| {
+            // A device that we drop ourselves is lost as well; nobody is left to ask then.
+            lost(format!("the device was lost ({reason:?}): {message}"));
+        });
+        Ok(Device {
+            device,
+            queue,
+            info: DeviceInfo {
+                adapter: info.name,
+                backend: info.backend.to_str().to_owned(),
+            },
+            failure,
+        })
+    }
+
+    /// What has gone wrong outside of an error scope, if anything has.
+    ///
+    /// # Errors
+    /// [`EngineError::DeviceFailed`] with the first thing.
+    pub fn check(&self) -> Result<(), EngineError> {
+        match &*self.failure.lock().unwrap_or_else(PoisonError::into_inner) {
+            None => Ok(()),
+            Some(what) => Err(EngineError::DeviceFailed(what.clone())),
+        }
+    }
+
+    /// Makes buffers; says so where the device's memory doesn't hold them.
+    ///
+    /// # Errors
+    /// [`EngineError::OutOfMemory`]; what was made is to be dropped then.
+    pub fn allocate<T>(&self, make: impl FnOnce() -> T) -> Result<T, EngineError> {
+        // A size over a limit arrives as a validation error.
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let made = make();
+        let memory = pollster::block_on(memory.pop());
+        let validation = pollster::block_on(validation.pop());
+        match memory.or(validation) {
+            None => Ok(made),
+            Some(error) => Err(EngineError::OutOfMemory(error.to_string())),
+        }
+    }
+
+    /// Largest buffer in bytes that a kernel can bind.
+    pub fn largest_binding(&self) -> u64 {
+        let limits = self.device.limits();
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    /// Workgroups along x and y for a number of them in all.
+    pub fn groups(&self, count: u32) -> (u32, u32) {
+        let most = self.device.limits().max_compute_workgroups_per_dimension;
+        if count <= most { (count, 1) } else { (most, count.div_ceil(most)) }
+    }
+}
+
+fn rank(device_type: wgpu::DeviceType) -> u32 {
+    match device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Cpu => 3,
+        wgpu::DeviceType::Other => 4,
+    }
+}
+
+/// Most storage buffers that a kernel binds.
+fn most_storage_buffers() -> u32 {
+    let storage = |kernel: &super::kernels::Kernel| {
+        kernel.bindings.iter().filter(|(resource, _)| *resource != Resource::Work).count() as u32
+    };
+    KERNELS.iter().map(storage).max().unwrap_or(0)
+}

@@ -1,0 +1,109 @@
+//! A frame, turned into submits: one for each round of edits, the last of which also runs the
+//! cycles and copies out what is reported.
+
+use crate::engine::frame::{Edit, Frame, Slot, Work};
+
+use super::GpuBackend;
+use super::kernels::KernelId;
+use super::plan::{Dispatch, Planner, Round};
+use super::readback::Copies;
+use super::resident;
+
+impl GpuBackend {
+    /// Carries a frame out and begins to read back what came of it.
+    pub(super) fn carry_out(&mut self, mut frame: Frame) {
+        frame.work.retain(|work| self.residents.contains_key(&work.slot));
+        let edits: Vec<u32> = frame.work.iter().map(|work| work.edits.len() as u32).collect();
+        let mut rounds = take_rounds(&mut frame.work);
+        let last = rounds.pop().unwrap_or_default();
+
+        let tiles = self.publishable_tiles(&frame.work);
+        self.tables.fit_to(&self.device, &self.arena);
+        let total = edits.iter().map(|&count| u64::from(count)).sum();
+        let mut encoder = self.tables.begin_frame(&self.device, total, tiles);
+        for round in rounds {
+            let mut planner = self.planner();
+            planner.0.edits(planner.1, round);
+            let dispatches = planner.0.dispatches;
+            self.encode(&mut encoder, &dispatches);
+            self.device.queue.submit([encoder.finish()]);
+            encoder = self.device.device.create_command_encoder(&Default::default());
+        }
+
+        let tile_end = self.arena.tile_end();
+        let pages: Vec<u32> =
+            (0..self.arena.pages.len()).map(|page| self.arena.page_rows(page)).collect();
+        let always_awake = self.always_awake;
+        let (mut planner, residents) = self.planner();
+        planner.edits(residents, last);
+        planner.runs(residents, &frame.work, &edits, tile_end, &pages, always_awake);
+        planner.reports(residents, &frame.work, tile_end);
+        let dispatches = planner.dispatches;
+        self.encode(&mut encoder, &dispatches);
+
+        let copies = Copies::new(&frame.work, &edits, &self.residents, &self.tables, tiles);
+        self.readback.copy(&self.device, &mut encoder, &self.arena, &self.tables, copies);
+        let submission = self.device.queue.submit([encoder.finish()]);
+        self.readback.begin(submission);
+    }
+
+    fn planner(
+        &mut self,
+    ) -> (Planner<'_>, &mut std::collections::BTreeMap<Slot, resident::Resident>) {
+        let planner =
+            Planner { device: &self.device, tables: &mut self.tables, dispatches: Vec::new() };
+        (planner, &mut self.residents)
+    }
+
+    /// Most tiles that a frame can publish.
+    fn publishable_tiles(&self, work: &[Work]) -> u64 {
+        let published = work.iter().filter(|work| work.publish);
+        published.map(|work| self.residents[&work.slot].lot.places.len() as u64).sum()
+    }
+
+    /// Writes the rows that dispatches work on, and encodes the dispatches.
+    fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, dispatches: &[Dispatch]) {
+        self.tables.flush(&self.device, &self.arena);
+        for dispatch in dispatches {
+            let (kernel, page) = (dispatch.kernel, dispatch.page);
+            self.tables.bind(&self.device, &self.arena, &self.pipelines, kernel, page);
+        }
+        if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
+            self.tables.clear_schedule(encoder, &self.arena);
+        }
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        for dispatch in dispatches {
+            let offset = dispatch.pass * super::tables::PASS_STRIDE;
+            let binding = self.tables.binding(dispatch.kernel, dispatch.page);
+            pass.set_pipeline(&self.pipelines[dispatch.kernel as usize].pipeline);
+            pass.set_bind_group(0, binding, &[offset]);
+            match dispatch.groups {
+                Some(groups) => {
+                    let (x, y) = self.device.groups(groups);
+                    pass.dispatch_workgroups(x, y, 1);
+                }
+                None => {
+                    let arguments = self.tables.arguments.buffer();
+                    pass.dispatch_workgroups_indirect(arguments, u64::from(dispatch.page) * 12);
+                }
+            }
+        }
+    }
+}
+
+/// Takes the edits out of the work, round by round, each with its number in the frame.
+fn take_rounds(work: &mut [Work]) -> Vec<Vec<(Slot, Round)>> {
+    let mut rounds: Vec<Vec<(Slot, Round)>> = Vec::new();
+    let mut number = 0;
+    for work in work {
+        let edits: Vec<(u32, Edit)> = (number..).zip(std::mem::take(&mut work.edits)).collect();
+        number += edits.len() as u32;
+        for (i, round) in resident::rounds(edits).into_iter().enumerate() {
+            if rounds.len() <= i {
+                rounds.push(Vec::new());
+            }
+            rounds[i].push((work.slot, round));
+        }
+    }
+    rounds
+}

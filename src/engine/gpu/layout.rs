@@ -1,0 +1,283 @@
+//! The tables that host and kernels share, as `shaders/shared/layout.wgsl` declares them.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::engine::frame::Layout;
+use crate::snow::{CELL, Grid, Material, gold_prefactor};
+
+/// `Run.flags`: all tiles are to be woken.
+pub const WAKE: u32 = 1;
+/// `Run.flags`: changed tiles are to be packed.
+pub const PUBLISH: u32 = 2;
+/// `Run.flags`: contacts have been evaluated after the edits of this frame.
+pub const EDITED: u32 = 4;
+/// A tile's state: a cell changed in the last cycle, or was disturbed since.
+pub const AWAKE: u32 = 1;
+/// A tile's state: a height changed since the last publication.
+pub const DIRTY: u32 = 2;
+/// `Operation.kind`: snow falls.
+pub const DEPOSIT: u32 = 0;
+/// `Operation.kind`: snow is cleared.
+pub const CLEAR: u32 = 1;
+/// `Tile.session` of a tile that no session owns.
+pub const NO_SESSION: u32 = u32::MAX;
+
+/// A snowpack's constants.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Session {
+    /// First of its tiles; they stand in one row of the table.
+    pub first_tile: u32,
+    /// Tiles along x.
+    pub tiles_x: u32,
+    /// Columns along x.
+    pub width: u32,
+    /// Columns along z.
+    pub depth: u32,
+    /// Slots of a column.
+    pub height: u32,
+    /// [`crate::snow::HardnessLaw`].
+    pub hardness_law: u32,
+    /// [`crate::snow::LoadDistribution`].
+    pub load_distribution: u32,
+    /// Exponent n of the stiffness law.
+    pub stiffness_exponent: f32,
+    /// Density of one mass quantum in one thickness quantum \[kg/m³\].
+    pub density: f32,
+    /// Thickness quanta of one mass quantum at the largest density.
+    pub densest: f32,
+    /// Length of one thickness quantum \[m\].
+    pub metres: f32,
+    /// Gold's hardness at 20 kg/m³ and −3 °C \[Pa\].
+    pub gold: f32,
+}
+
+impl Session {
+    /// The row of a snowpack.
+    pub fn new(layout: &Layout, first_tile: u32) -> Session {
+        let grid = &layout.grid;
+        let row = Session {
+            first_tile,
+            tiles_x: grid.tiles_x(),
+            width: grid.width,
+            depth: grid.depth,
+            height: grid.height,
+            metres: grid.cell_size as f32 / CELL as f32,
+            ..Session::default()
+        };
+        row.with_material(grid, &layout.material)
+    }
+
+    /// The row with other material constants.
+    pub fn with_material(self, grid: &Grid, material: &Material) -> Session {
+        // Quanta of thickness are 2⁶ times as fine as those of mass.
+        let density = 64.0 / grid.cell_size;
+        Session {
+            hardness_law: material.hardness_law as u32,
+            load_distribution: material.load_distribution as u32,
+            stiffness_exponent: material.stiffness_exponent as f32,
+            density: density as f32,
+            densest: (density / material.max_density) as f32,
+            gold: gold_prefactor(material.grain_size_mm),
+            ..self
+        }
+    }
+}
+
+/// What a snowpack does in this frame.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Run {
+    /// Cycles.
+    pub cycles: u32,
+    /// [`WAKE`] and [`PUBLISH`].
+    pub flags: u32,
+    /// Cycle length over the reference cell size \[s/m\].
+    pub rate: f32,
+    /// Keeps all tiles awake where it is not 0.
+    pub always_awake: u32,
+}
+
+/// Where a tile is.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Tile {
+    /// Its snowpack's row, or [`NO_SESSION`].
+    pub session: u32,
+    /// Page that holds its cells.
+    pub page: u32,
+    /// First of its rows of 64 cells in the page.
+    pub row: u32,
+    /// Not 0 where an object's footprint covers a column of it.
+    pub loaded: u32,
+}
+
+/// Sums of one frame over a snowpack.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Tally {
+    /// 1 + index of the last cycle in which a cell changed.
+    pub last_change: u32,
+    /// Tiles that are awake.
+    pub active_tiles: u32,
+    /// Mass quanta in all cells, low word.
+    pub mass_low: u32,
+    /// Mass quanta in all cells, high word.
+    pub mass_high: u32,
+}
+
+/// An object in this frame.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Collider {
+    /// Its snowpack's row.
+    pub session: u32,
+    /// Its row in the table of contacts.
+    pub contact: u32,
+    /// First row of columns.
+    pub z0: u32,
+    /// First of its spans.
+    pub first_span: u32,
+    /// Rows of columns.
+    pub rows: u32,
+    /// Columns.
+    pub columns: u32,
+    /// Lowest begin of a span.
+    pub x0: u32,
+    /// Highest end of a span.
+    pub x1: u32,
+    /// Area of the footprint \[m²\].
+    pub area: f32,
+    /// Weight \[N\].
+    pub weight: f32,
+    /// Not 0 where the depth it has sunk is counted from this evaluation.
+    pub placed: u32,
+    /// Fills the row.
+    pub padding: u32,
+}
+
+/// How an object touches the snow.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Contact {
+    /// Elevation of the bottom.
+    pub bottom: u32,
+    /// Bottom when it was placed or last moved.
+    pub reference: u32,
+    /// Σ of shares, low word.
+    pub support_low: u32,
+    /// Σ of shares, high word.
+    pub support_high: u32,
+    /// Contact area \[m²\].
+    pub area: f32,
+    /// Pressure \[Pa\].
+    pub pressure: f32,
+    /// Width b over which the load spreads \[m\].
+    pub width: f32,
+    /// Not 0 where the last evaluation found what the one before had found.
+    pub resting: u32,
+}
+
+impl From<Contact> for crate::snow::Contact {
+    fn from(row: Contact) -> Self {
+        crate::snow::Contact {
+            bottom: row.bottom,
+            reference: row.reference,
+            support: join(row.support_low, row.support_high),
+            area: row.area,
+            pressure: row.pressure,
+            resting: row.resting != 0,
+        }
+    }
+}
+
+/// A tile and the objects that may stand on it, ascending by their ids.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct LoadJob {
+    /// The tile.
+    pub tile: u32,
+    /// First of its loads.
+    pub first_load: u32,
+    /// Number of its loads.
+    pub loads: u32,
+    /// Fills the row.
+    pub padding: u32,
+}
+
+/// A tile and the operations that touch it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct EditJob {
+    /// The tile.
+    pub tile: u32,
+    /// First of the operations.
+    pub first_operation: u32,
+    /// Number of the operations.
+    pub operations: u32,
+    /// Fills the row.
+    pub padding: u32,
+}
+
+/// Snow that falls, or is cleared.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Operation {
+    /// [`DEPOSIT`] or [`CLEAR`].
+    pub kind: u32,
+    /// First column along x.
+    pub x0: u32,
+    /// First column along z.
+    pub z0: u32,
+    /// End along x.
+    pub x1: u32,
+    /// End along z.
+    pub z1: u32,
+    /// Depth in thickness quanta: what falls, or what is left standing.
+    pub depth: u32,
+    /// Mass quanta that fall.
+    pub mass: u32,
+    /// Mass quanta of a full cell of what falls.
+    pub share: u32,
+    /// Temperature of what falls \[°C\].
+    pub temperature: f32,
+    /// Its row in the table of results.
+    pub result: u32,
+    /// Fills the row.
+    pub padding: [u32; 2],
+}
+
+/// Mass quanta that an operation refused or cleared.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct OperationResult {
+    /// Low word.
+    pub low: u32,
+    /// High word.
+    pub high: u32,
+}
+
+/// What one dispatch works on.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Pass {
+    /// First entry of its list.
+    pub first: u32,
+    /// Entries of its list.
+    pub count: u32,
+    /// First cycle that is run.
+    pub cycle: u32,
+    /// Cycles that are run at the most.
+    pub cycles: u32,
+    /// The page whose cells are bound.
+    pub page: u32,
+    /// Not 0 right after an edit.
+    pub edited: u32,
+    /// Fills the row.
+    pub padding: [u32; 2],
+}
+
+/// A 64-bit number of two words.
+pub fn join(low: u32, high: u32) -> u64 {
+    u64::from(high) << 32 | u64::from(low)
+}

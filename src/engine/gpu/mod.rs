@@ -1,0 +1,131 @@
+//! All snowpacks of the process in one arena on the GPU, stepped by the same few dispatches.
+
+mod arena;
+mod buffer;
+mod device;
+mod encode;
+pub mod kernels;
+pub mod layout;
+mod plan;
+mod ranges;
+mod readback;
+mod resident;
+mod tables;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::{Duration, Instant};
+
+use super::frame::{Backend, DeviceInfo, EngineError, Frame, Layout, Outcome, Slot};
+use arena::Arena;
+use device::Device;
+use kernels::{KERNELS, Pipeline};
+use readback::Readback;
+use resident::Resident;
+use tables::Tables;
+
+/// The arena and its kernels on one device.
+#[derive(Debug)]
+pub struct GpuBackend {
+    device: Device,
+    pipelines: Vec<Pipeline>,
+    arena: Arena,
+    tables: Tables,
+    residents: BTreeMap<Slot, Resident>,
+    readback: Readback,
+    outcomes: VecDeque<Outcome>,
+    always_awake: bool,
+}
+
+impl GpuBackend {
+    /// Opens the best adapter and compiles the kernels. Snowpacks may take no more than
+    /// `memory_budget` bytes, and no tile sleeps where they are to be `always_awake`, which makes
+    /// no difference to any result.
+    ///
+    /// # Errors
+    /// [`EngineError::NoAdapter`], and [`EngineError::DeviceFailed`] where a kernel does not
+    /// compile.
+    pub fn new(memory_budget: Option<u64>, always_awake: bool) -> Result<GpuBackend, EngineError> {
+        let device = Device::open()?;
+        let pipelines = KERNELS.iter().map(|kernel| kernel.pipeline(&device.device)).collect();
+        let arena = Arena::new(&device, memory_budget.unwrap_or(u64::MAX));
+        let tables = Tables::new(&device);
+        let readback = Readback::new(&device);
+        device.check()?;
+        Ok(GpuBackend {
+            device,
+            pipelines,
+            arena,
+            tables,
+            residents: BTreeMap::new(),
+            readback,
+            outcomes: VecDeque::new(),
+            always_awake,
+        })
+    }
+
+    /// Fills all memory that no snowpack owns with rubbish, to show that none is ever read.
+    pub fn poison(&mut self) {
+        self.arena.poison(&self.device);
+    }
+}
+
+impl Backend for GpuBackend {
+    fn device(&self) -> &DeviceInfo {
+        &self.device.info
+    }
+
+    fn create(&mut self, slot: Slot, layout: &Layout) -> Result<(), EngineError> {
+        let lot = self.arena.take(&self.device, slot, layout)?;
+        let resident = Resident::new(lot, layout.clone());
+        self.tables.set_session(&self.device, slot, &resident.row);
+        self.residents.insert(slot, resident);
+        self.device.check()
+    }
+
+    fn release(&mut self, slot: Slot) {
+        if let Some(resident) = self.residents.remove(&slot) {
+            self.tables.forget_bodies(resident.bodies.values());
+            self.arena.give_back(&self.device, resident.lot);
+        }
+    }
+
+    fn submit(&mut self, frame: Frame) -> Result<(), EngineError> {
+        // The tables of a frame are read back from before the next one writes them.
+        while !self.readback.is_idle() {
+            self.fetch(Duration::from_millis(100))?;
+        }
+        self.carry_out(frame);
+        self.device.check()
+    }
+
+    fn poll(&mut self, patience: Duration) -> Result<Option<Outcome>, EngineError> {
+        let deadline = Instant::now() + patience;
+        while self.outcomes.is_empty() && !self.readback.is_idle() {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if !self.fetch(left)? {
+                break;
+            }
+        }
+        Ok(self.outcomes.pop_front())
+    }
+
+    fn memory(&self) -> u64 {
+        self.arena.memory()
+    }
+}
+
+impl GpuBackend {
+    /// Takes in the outcome of the frame in flight, waiting for it no longer than `patience`.
+    /// Returns whether it has arrived.
+    fn fetch(&mut self, patience: Duration) -> Result<bool, EngineError> {
+        let arrived = self.readback.fetch(&self.device, &self.tables, patience);
+        self.device.check()?;
+        match arrived? {
+            Some(outcome) => {
+                self.outcomes.push_back(outcome);
+                Ok(true)
+            }
+            None => Ok(false),
+        }
+    }
+}

@@ -1,0 +1,337 @@
+//! The dispatches of a submit, and the rows they work on.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::engine::frame::{Edit, Slot, Work};
+use crate::snow::{ColumnRect, REFERENCE_CELL_SIZE};
+
+use super::device::Device;
+use super::kernels::KernelId;
+use super::layout::{CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run, WAKE};
+use super::resident::{Body, Resident};
+use super::tables::Tables;
+
+/// One dispatch of a kernel on the cells of a page, or on none.
+#[derive(Clone, Copy, Debug)]
+pub struct Dispatch {
+    /// The kernel.
+    pub kernel: KernelId,
+    /// The page; 0 for kernels that bind no cells.
+    pub page: u32,
+    /// Row of the uniform table.
+    pub pass: u32,
+    /// Workgroups, or none where the schedule says how many.
+    pub groups: Option<u32>,
+}
+
+/// Makes the dispatches of one submit.
+pub struct Planner<'a> {
+    /// The device.
+    pub device: &'a Device,
+    /// Where the rows go.
+    pub tables: &'a mut Tables,
+    /// What has been planned so far.
+    pub dispatches: Vec<Dispatch>,
+}
+
+/// Edits of one snowpack in one round, each with its row in the table of results.
+pub type Round = Vec<(u32, Edit)>;
+
+/// What edits leave to be done in one round.
+#[derive(Default)]
+struct Edited {
+    /// Tiles with operations, by page.
+    edit_jobs: Vec<(u32, EditJob)>,
+    /// Tiles whose stress is to be evaluated, by page.
+    load_jobs: Vec<(u32, LoadJob)>,
+    colliders: u32,
+}
+
+impl Planner<'_> {
+    /// Plans the edits of one round of all snowpacks: snow falls, then contacts and stresses are
+    /// evaluated.
+    pub fn edits(
+        &mut self,
+        residents: &mut BTreeMap<Slot, Resident>,
+        rounds: Vec<(Slot, Round)>,
+    ) {
+        let first_collider = self.tables.colliders.len();
+        let mut edited = Edited::default();
+        for (slot, round) in rounds {
+            if let Some(resident) = residents.get_mut(&slot) {
+                self.edit(slot, resident, round, &mut edited);
+            }
+        }
+        let jobs = by_page(edited.edit_jobs);
+        for (page, jobs) in jobs {
+            let (first, count) = (self.tables.edit_jobs.len(), jobs.len() as u32);
+            self.tables.edit_jobs.rows.extend(jobs);
+            self.dispatch(KernelId::Snowfall, page, Pass { first, count, ..edit_pass() }, count);
+        }
+        if edited.colliders > 0 {
+            let count = edited.colliders;
+            let pass = Pass { first: first_collider, count, ..edit_pass() };
+            self.dispatch(KernelId::Contact, 0, pass, count);
+        }
+        for (page, jobs) in by_page(edited.load_jobs) {
+            let (first, count) = (self.tables.load_jobs.len(), jobs.len() as u32);
+            self.tables.load_jobs.rows.extend(jobs);
+            self.dispatch(KernelId::Stress, page, Pass { first, count, ..edit_pass() }, count);
+        }
+    }
+
+    fn edit(&mut self, slot: Slot, resident: &mut Resident, round: Round, edited: &mut Edited) {
+        let first_operation = self.tables.operations.len();
+        let mut snowed = BTreeSet::new();
+        let mut stressed = BTreeSet::new();
+        let mut moved = false;
+        for (result, edit) in round {
+            match edit {
+                Edit::Deposit(_) | Edit::Clear { .. } => {
+                    let (operation, columns) = operation(&edit, result);
+                    self.tables.operations.push(operation);
+                    snowed.extend(tiles_in(columns, resident.row.tiles_x));
+                }
+                Edit::PutCollider { id, collider, placed } => {
+                    let tiles = collider.footprint.tiles(&resident.layout.grid);
+                    stressed.extend(tiles.iter().copied());
+                    let old = resident.bodies.get(&id);
+                    stressed.extend(old.iter().flat_map(|old| old.tiles.iter().copied()));
+                    let contact =
+                        old.map_or_else(|| self.tables.take_contact(self.device), |old| old.contact);
+                    let placed = placed || old.is_some_and(|old| old.placed);
+                    resident.bodies.insert(id, Body { placement: collider, contact, tiles, placed });
+                    moved = true;
+                }
+                Edit::RemoveCollider { id } => {
+                    if let Some(body) = resident.bodies.remove(&id) {
+                        stressed.extend(body.tiles.iter().copied());
+                        self.tables.forget_bodies(std::iter::once(&body));
+                        moved = true;
+                    }
+                }
+                Edit::SetMaterial(material) => {
+                    resident.layout.material = material;
+                    resident.row = resident.row.with_material(&resident.layout.grid, &material);
+                    self.tables.set_session(self.device, slot, &resident.row);
+                    stressed.extend(0..resident.lot.places.len() as u32);
+                }
+            }
+        }
+        if moved {
+            self.mark_loaded(slot, resident);
+        }
+        let operations = self.tables.operations.len() - first_operation;
+        for &tile in &snowed {
+            let job = EditJob {
+                tile: resident.lot.tiles.start + tile,
+                first_operation,
+                operations,
+                padding: 0,
+            };
+            edited.edit_jobs.push((resident.page(tile), job));
+        }
+        stressed.extend(snowed);
+        stressed.extend(resident.loads.keys().copied());
+        edited.colliders += resident.bodies.len() as u32;
+        self.load_jobs(slot, resident, stressed.into_iter(), &mut edited.load_jobs);
+        resident.bodies.values_mut().for_each(|body| body.placed = false);
+    }
+
+    /// Lists the objects on each tile anew, and tells the device which tiles they stand on.
+    fn mark_loaded(&mut self, slot: Slot, resident: &mut Resident) {
+        for tile in resident.list_loads() {
+            let place = resident.lot.places[tile as usize];
+            let row = super::layout::Tile {
+                session: slot,
+                page: place.page,
+                row: place.row,
+                loaded: u32::from(resident.loads.contains_key(&tile)),
+            };
+            self.tables.tile_rows.push((resident.lot.tiles.start + tile, row));
+        }
+    }
+
+    /// Adds a snowpack's objects to the tables, and jobs that evaluate the stress of some of its
+    /// tiles under them.
+    fn load_jobs(
+        &mut self,
+        slot: Slot,
+        resident: &Resident,
+        tiles: impl Iterator<Item = u32>,
+        jobs: &mut Vec<(u32, LoadJob)>,
+    ) {
+        let first_collider = self.tables.colliders.len();
+        let (colliders, spans) = resident.collider_rows(slot, self.tables.spans.len());
+        self.tables.colliders.rows.extend(colliders);
+        self.tables.spans.rows.extend(spans);
+        for tile in tiles {
+            let first_load = self.tables.loads.len();
+            let ranks = resident.loads.get(&tile).map_or(&[][..], Vec::as_slice);
+            self.tables.loads.rows.extend(ranks.iter().map(|rank| first_collider + rank));
+            let job = LoadJob {
+                tile: resident.lot.tiles.start + tile,
+                first_load,
+                loads: ranks.len() as u32,
+                padding: 0,
+            };
+            jobs.push((resident.page(tile), job));
+        }
+    }
+
+    /// Plans the cycles of all snowpacks: tiles without objects run all of theirs at once, tiles
+    /// under objects one after another, with contacts and stresses evaluated before each.
+    pub fn runs(
+        &mut self,
+        residents: &BTreeMap<Slot, Resident>,
+        work: &[Work],
+        edits: &[u32],
+        tile_end: u32,
+        pages: &[u32],
+        always_awake: bool,
+    ) {
+        self.tables.runs.fill(Run::default());
+        for (work, &edits) in work.iter().zip(edits) {
+            let flag = |set: bool, flag: u32| if set { flag } else { 0 };
+            let flags = flag(work.wake, WAKE)
+                | flag(work.publish, PUBLISH)
+                | flag(edits > 0, EDITED);
+            self.tables.runs[work.slot as usize] = Run {
+                cycles: work.run.cycles,
+                flags,
+                rate: (work.run.dt / REFERENCE_CELL_SIZE) as f32,
+                always_awake: u32::from(always_awake),
+            };
+        }
+        if work.iter().any(|work| work.run.cycles > 0 || work.wake) {
+            let pass = Pass { count: tile_end, ..Pass::default() };
+            self.dispatch(KernelId::Schedule, 0, pass, tile_end.div_ceil(64));
+            let mut start = 0;
+            for (page, &rows) in (0..).zip(pages) {
+                if rows > 0 {
+                    let pass = Pass { first: start, cycles: u32::MAX, ..Pass::default() };
+                    let pass = self.tables.pass(pass);
+                    let kernel = KernelId::Compact;
+                    self.dispatches.push(Dispatch { kernel, page, pass, groups: None });
+                }
+                start += 1 + rows;
+            }
+        }
+        self.loaded_runs(residents, work);
+    }
+
+    fn loaded_runs(&mut self, residents: &BTreeMap<Slot, Resident>, work: &[Work]) {
+        let mut running: Vec<(u32, Slot, &Resident)> = work
+            .iter()
+            .filter(|work| work.run.cycles > 0)
+            .filter_map(|work| Some((work.run.cycles, work.slot, residents.get(&work.slot)?)))
+            .filter(|(_, _, resident)| !resident.bodies.is_empty())
+            .collect();
+        // The longest first, so that each cycle concerns the first ones of every list.
+        running.sort_by_key(|&(cycles, slot, _)| (std::cmp::Reverse(cycles), slot));
+        let Some(&(most, _, _)) = running.first() else { return };
+
+        let first_collider = self.tables.colliders.len();
+        let mut colliders: Vec<u32> = Vec::new();
+        let mut jobs: BTreeMap<u32, Vec<(u32, LoadJob)>> = BTreeMap::new();
+        for &(cycles, slot, resident) in &running {
+            let mut own = Vec::new();
+            self.load_jobs(slot, resident, resident.loads.keys().copied(), &mut own);
+            colliders.extend(std::iter::repeat_n(cycles, resident.bodies.len()));
+            for (page, job) in own {
+                jobs.entry(page).or_default().push((cycles, job));
+            }
+        }
+        let mut lists = Vec::new();
+        for (&page, jobs) in &jobs {
+            let first_job = self.tables.load_jobs.len();
+            self.tables.load_jobs.rows.extend(jobs.iter().map(|(_, job)| *job));
+            let first_tile = self.tables.host_lists + self.tables.lists.len() as u32;
+            self.tables.lists.push(jobs.len() as u32);
+            self.tables.lists.extend(jobs.iter().map(|(_, job)| job.tile));
+            lists.push((page, first_job, first_tile, jobs));
+        }
+        for cycle in 0..most {
+            let pass = Pass { cycle, cycles: 1, ..Pass::default() };
+            let count = colliders.partition_point(|&cycles| cycles > cycle) as u32;
+            let contact = Pass { first: first_collider, count, ..pass };
+            self.dispatch(KernelId::Contact, 0, contact, count);
+            for &(page, first_job, first_tile, jobs) in &lists {
+                let count = jobs.partition_point(|&(cycles, _)| cycles > cycle) as u32;
+                if count > 0 {
+                    let stress = Pass { first: first_job, count, ..pass };
+                    self.dispatch(KernelId::Stress, page, stress, count);
+                    let compact = Pass { first: first_tile, count, ..pass };
+                    self.dispatch(KernelId::Compact, page, compact, count);
+                }
+            }
+        }
+    }
+
+    /// Plans what is reported of the snowpacks.
+    pub fn reports(&mut self, residents: &BTreeMap<Slot, Resident>, work: &[Work], tile_end: u32) {
+        if work.iter().any(|work| work.publish) {
+            let pass = Pass { count: tile_end, ..Pass::default() };
+            self.dispatch(KernelId::Publish, 0, pass, tile_end.div_ceil(64));
+        }
+        for resident in work.iter().filter(|w| w.tally).filter_map(|w| residents.get(&w.slot)) {
+            let pages: BTreeSet<u32> = resident.lot.places.iter().map(|place| place.page).collect();
+            let (first, count) = (resident.lot.tiles.start, resident.lot.places.len() as u32);
+            for page in pages {
+                let pass = Pass { first, count, page, ..Pass::default() };
+                self.dispatch(KernelId::Tally, page, pass, count);
+            }
+        }
+    }
+
+    fn dispatch(&mut self, kernel: KernelId, page: u32, pass: Pass, groups: u32) {
+        if groups > 0 {
+            let pass = self.tables.pass(pass);
+            self.dispatches.push(Dispatch { kernel, page, pass, groups: Some(groups) });
+        }
+    }
+}
+
+fn edit_pass() -> Pass {
+    Pass { edited: 1, ..Pass::default() }
+}
+
+/// Sorts jobs by the page of their tile.
+fn by_page<T>(jobs: Vec<(u32, T)>) -> BTreeMap<u32, Vec<T>> {
+    let mut pages: BTreeMap<u32, Vec<T>> = BTreeMap::new();
+    for (page, job) in jobs {
+        pages.entry(page).or_default().push(job);
+    }
+    pages
+}
+
+/// The row of a snowfall or clearing, and the columns it is about.
+fn operation(edit: &Edit, result: u32) -> (Operation, ColumnRect) {
+    let (columns, row) = match *edit {
+        Edit::Deposit(deposit) => {
+            // As in Column::deposit: the mass of a full cell of this snow.
+            let share = (u64::from(deposit.mass) << 24) / u64::from(deposit.depth.max(1));
+            let row = Operation {
+                kind: DEPOSIT,
+                depth: deposit.depth,
+                mass: deposit.mass,
+                share: share.min(u64::from(u32::MAX)) as u32,
+                temperature: deposit.temperature,
+                ..Operation::default()
+            };
+            (deposit.columns, row)
+        }
+        Edit::Clear { columns, depth } => {
+            (columns, Operation { kind: CLEAR, depth, ..Operation::default() })
+        }
+        _ => (ColumnRect { x0: 0, z0: 0, x1: 0, z1: 0 }, Operation::default()),
+    };
+    let ColumnRect { x0, z0, x1, z1 } = columns;
+    (Operation { x0, z0, x1, z1, result, ..row }, columns)
+}
+
+/// Tiles that columns lie in.
+fn tiles_in(columns: ColumnRect, tiles_x: u32) -> impl Iterator<Item = u32> {
+    let rect = columns.tiles();
+    (rect.z0..rect.z1).flat_map(move |z| (rect.x0..rect.x1).map(move |x| z * tiles_x + x))
+}

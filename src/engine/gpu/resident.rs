@@ -1,0 +1,111 @@
+//! A snowpack on the device, as the host knows it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use crate::engine::frame::{Edit, Layout, Placement, Slot};
+use crate::snow::GRAVITY;
+
+use super::arena::Lot;
+use super::layout;
+
+/// A snowpack on the device.
+#[derive(Debug)]
+pub struct Resident {
+    /// Its part of the arena.
+    pub lot: Lot,
+    /// What it was made with, the material as it is now.
+    pub layout: Layout,
+    /// Its row of constants.
+    pub row: layout::Session,
+    /// Objects on it; loads add up in the order of their ids.
+    pub bodies: BTreeMap<Arc<str>, Body>,
+    /// For each tile under an object the objects on it, by their rank among `bodies`.
+    pub loads: BTreeMap<u32, Vec<u32>>,
+}
+
+/// An object on the device.
+#[derive(Debug)]
+pub struct Body {
+    /// Its load and where it stands.
+    pub placement: Arc<Placement>,
+    /// Its row in the table of contacts.
+    pub contact: u32,
+    /// Tiles under it, by their index in the snowpack.
+    pub tiles: Vec<u32>,
+    /// Whether the next evaluation begins to count the depth it sinks.
+    pub placed: bool,
+}
+
+impl Resident {
+    /// A snowpack without objects.
+    pub fn new(lot: Lot, layout: Layout) -> Resident {
+        let row = layout::Session::new(&layout, lot.tiles.start);
+        Resident { lot, layout, row, bodies: BTreeMap::new(), loads: BTreeMap::new() }
+    }
+
+    /// Page of one of its tiles.
+    pub fn page(&self, tile: u32) -> u32 {
+        self.lot.places[tile as usize].page
+    }
+
+    /// Rows of its objects, in ascending order of ids; `first_span` counts the spans before them.
+    pub fn collider_rows(&self, slot: Slot, first_span: u32) -> (Vec<layout::Collider>, Vec<[u32; 2]>) {
+        let mut spans = Vec::new();
+        let mut rows = Vec::with_capacity(self.bodies.len());
+        for body in self.bodies.values() {
+            let footprint = &body.placement.footprint;
+            let begins = footprint.spans.iter().map(|span| span.0);
+            let ends = footprint.spans.iter().map(|span| span.1);
+            rows.push(layout::Collider {
+                session: slot,
+                contact: body.contact,
+                z0: footprint.z0,
+                first_span: first_span + spans.len() as u32,
+                rows: footprint.spans.len() as u32,
+                columns: footprint.columns,
+                x0: begins.min().unwrap_or(0),
+                x1: ends.max().unwrap_or(0),
+                area: footprint.area as f32,
+                weight: (body.placement.mass * GRAVITY) as f32,
+                placed: u32::from(body.placed),
+                padding: 0,
+            });
+            spans.extend(footprint.spans.iter().map(|&(x0, x1)| [x0, x1]));
+        }
+        (rows, spans)
+    }
+
+    /// Lists the objects on each tile anew. Returns the tiles that have come under an object, or
+    /// are under none any more.
+    pub fn list_loads(&mut self) -> Vec<u32> {
+        let old: BTreeSet<u32> = std::mem::take(&mut self.loads).into_keys().collect();
+        for (rank, body) in (0..).zip(self.bodies.values()) {
+            for &tile in &body.tiles {
+                self.loads.entry(tile).or_default().push(rank);
+            }
+        }
+        let new: BTreeSet<u32> = self.loads.keys().copied().collect();
+        old.symmetric_difference(&new).copied().collect()
+    }
+}
+
+/// Splits numbered edits into rounds: in a round all snow falls before any object is put, so that
+/// each can be one dispatch for all snowpacks. Later puts of an object in a round replace earlier
+/// ones.
+pub fn rounds(edits: Vec<(u32, Edit)>) -> Vec<Vec<(u32, Edit)>> {
+    let mut rounds: Vec<Vec<(u32, Edit)>> = Vec::new();
+    let mut put = false;
+    for (number, edit) in edits {
+        let snow = matches!(edit, Edit::Deposit(_) | Edit::Clear { .. });
+        if snow && put {
+            rounds.push(Vec::new());
+        }
+        put = !snow;
+        match rounds.last_mut() {
+            Some(round) => round.push((number, edit)),
+            None => rounds.push(vec![(number, edit)]),
+        }
+    }
+    rounds
+}

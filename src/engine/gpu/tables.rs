@@ -1,0 +1,316 @@
+//! Buffers beside the arena: snowpacks and objects, and what a frame brings and leaves.
+
+use std::collections::HashMap;
+
+use crate::engine::frame::Slot;
+use crate::snow::TILE_COLUMNS;
+
+use super::arena::Arena;
+use super::buffer::{Table, Upload};
+use super::device::Device;
+use super::kernels::{KERNELS, KernelId, Pipeline, Resource};
+use super::layout::{self, Pass};
+use super::ranges::Ranges;
+use super::resident::Body;
+
+/// Bytes from one row of the uniform table to the next; a dynamic offset has to be a multiple.
+pub const PASS_STRIDE: u32 = 256;
+
+/// Words of a packed tile: its index and its heights.
+pub const PACKED_WORDS: u64 = 1 + TILE_COLUMNS as u64;
+
+/// A row of the uniform table, as far apart as the device asks for.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct PassRow {
+    pass: Pass,
+    padding: [u32; 56],
+}
+
+/// The buffers.
+#[derive(Debug)]
+pub struct Tables {
+    sessions: Table,
+    /// What each snowpack does in this frame, by its slot.
+    pub runs: Vec<layout::Run>,
+    runs_buffer: Table,
+    /// Sums over each snowpack.
+    pub tallies: Table,
+    /// How each object touches the snow.
+    pub contacts: Table,
+    contact_rows: Ranges,
+    page_starts: Upload<u32>,
+    due: Table,
+    /// Arguments of the indirect dispatches.
+    pub arguments: Table,
+    /// First word of the lists in `due` that the host writes.
+    pub host_lists: u32,
+    /// Lists of tiles, each led by its length.
+    pub lists: Vec<u32>,
+    /// Rows of the arena's table of tiles that have changed.
+    pub tile_rows: Vec<(u32, layout::Tile)>,
+    /// What each dispatch works on.
+    pub passes: Upload<PassRow>,
+    /// Objects.
+    pub colliders: Upload<layout::Collider>,
+    /// Spans of columns under objects.
+    pub spans: Upload<[u32; 2]>,
+    /// Tiles whose stress is to be evaluated.
+    pub load_jobs: Upload<layout::LoadJob>,
+    /// Objects on those tiles.
+    pub loads: Upload<u32>,
+    /// Tiles on which snow falls or is cleared.
+    pub edit_jobs: Upload<layout::EditJob>,
+    /// What falls or is cleared.
+    pub operations: Upload<layout::Operation>,
+    /// What was refused or cleared.
+    pub operation_results: Table,
+    /// Number of packed tiles.
+    pub packed_count: Table,
+    /// Packed tiles.
+    pub packed: Table,
+    bindings: HashMap<(KernelId, u32), wgpu::BindGroup>,
+    arena_generation: u64,
+}
+
+impl Tables {
+    /// Empty tables.
+    pub fn new(device: &Device) -> Tables {
+        use wgpu::BufferUsages as Usage;
+        let device = &device.device;
+        let host = |label| Upload::new(device, label, Usage::STORAGE);
+        let table = |label, usage| {
+            let usage = usage | Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
+            Table::new(device, label, usage, 0)
+        };
+        Tables {
+            sessions: table("sessions", Usage::empty()),
+            runs: Vec::new(),
+            runs_buffer: table("runs", Usage::empty()),
+            tallies: table("tallies", Usage::empty()),
+            contacts: table("contacts", Usage::empty()),
+            contact_rows: Ranges::default(),
+            page_starts: host("page starts"),
+            due: table("due", Usage::empty()),
+            arguments: table("arguments", Usage::INDIRECT),
+            host_lists: 0,
+            lists: Vec::new(),
+            tile_rows: Vec::new(),
+            passes: Upload::new(device, "passes", Usage::UNIFORM),
+            colliders: Upload::new(device, "colliders", Usage::STORAGE),
+            spans: Upload::new(device, "spans", Usage::STORAGE),
+            load_jobs: Upload::new(device, "load jobs", Usage::STORAGE),
+            loads: host("loads"),
+            edit_jobs: Upload::new(device, "edit jobs", Usage::STORAGE),
+            operations: Upload::new(device, "operations", Usage::STORAGE),
+            operation_results: table("operation results", Usage::empty()),
+            packed_count: table("packed count", Usage::empty()),
+            packed: table("packed", Usage::empty()),
+            bindings: HashMap::new(),
+            arena_generation: u64::MAX,
+        }
+    }
+
+    /// Writes a snowpack's row of constants.
+    pub fn set_session(&mut self, device: &Device, slot: Slot, row: &layout::Session) {
+        let bytes = std::mem::size_of::<layout::Session>() as u64;
+        let needed = (u64::from(slot) + 1) * bytes;
+        if needed > self.sessions.size() {
+            self.sessions.grow(&device.device, &device.queue, needed.next_power_of_two());
+            self.bindings.clear();
+        }
+        if self.runs.len() <= slot as usize {
+            self.runs.resize(slot as usize + 1, layout::Run::default());
+        }
+        let offset = u64::from(slot) * bytes;
+        device.queue.write_buffer(self.sessions.buffer(), offset, bytemuck::bytes_of(row));
+    }
+
+    /// Takes a row of the table of contacts for an object.
+    pub fn take_contact(&mut self, device: &Device) -> u32 {
+        let bytes = std::mem::size_of::<layout::Contact>() as u64;
+        loop {
+            if let Some(row) = self.contact_rows.take(1) {
+                return row.start;
+            }
+            let capacity = (self.contact_rows.capacity() * 2).max(64);
+            self.contacts.grow(&device.device, &device.queue, u64::from(capacity) * bytes);
+            self.contact_rows.grow(capacity);
+            self.bindings.clear();
+        }
+    }
+
+    /// Gives the rows of objects back.
+    pub fn forget_bodies<'a>(&mut self, bodies: impl Iterator<Item = &'a Body>) {
+        for body in bodies {
+            self.contact_rows.give_back(body.contact..body.contact + 1);
+        }
+    }
+
+    /// End of the last row of the table of contacts in use.
+    pub fn contact_end(&self) -> u32 {
+        self.contact_rows.end()
+    }
+
+    /// Adds a row to the uniform table and returns its number.
+    pub fn pass(&mut self, pass: Pass) -> u32 {
+        self.passes.push(PassRow { pass, padding: [0; 56] })
+    }
+
+    /// Lays the list of due tiles out for the pages there are.
+    pub fn fit_to(&mut self, device: &Device, arena: &Arena) {
+        if self.arena_generation == arena.generation {
+            return;
+        }
+        self.arena_generation = arena.generation;
+        self.bindings.clear();
+        let mut start = 0;
+        for page in 0..arena.pages.len() {
+            self.page_starts.push(start);
+            // No tile has less than one row of cells.
+            start += 1 + arena.page_rows(page);
+        }
+        self.host_lists = start;
+        self.page_starts.flush(&device.device, &device.queue);
+        self.arguments.reserve(&device.device, arena.pages.len() as u64 * 12);
+    }
+
+    /// Makes room for a frame's results and clears them.
+    pub fn begin_frame(&mut self, device: &Device, edits: u64, tiles: u64) -> wgpu::CommandEncoder {
+        let d = &device.device;
+        let tally = std::mem::size_of::<layout::Tally>() as u64;
+        let grew = [
+            self.tallies.reserve(d, self.runs.len() as u64 * tally),
+            self.operation_results.reserve(d, edits * 8),
+            self.packed.reserve(d, tiles * PACKED_WORDS * 4),
+        ];
+        if grew.contains(&true) {
+            self.bindings.clear();
+        }
+        let mut encoder = d.create_command_encoder(&Default::default());
+        encoder.clear_buffer(self.tallies.buffer(), 0, None);
+        encoder.clear_buffer(self.operation_results.buffer(), 0, None);
+        encoder.clear_buffer(self.packed_count.buffer(), 0, None);
+        encoder
+    }
+
+    /// Writes everything the host has to say in this submit, ahead of it.
+    pub fn flush(&mut self, device: &Device, arena: &Arena) {
+        for (tile, row) in self.tile_rows.drain(..) {
+            arena.write(device, Resource::Tiles, tile, &[row]);
+        }
+        let (d, q) = (&device.device, &device.queue);
+        let lists = u64::from(self.host_lists) * 4;
+        let grew = [
+            self.passes.flush(d, q),
+            self.colliders.flush(d, q),
+            self.spans.flush(d, q),
+            self.load_jobs.flush(d, q),
+            self.loads.flush(d, q),
+            self.edit_jobs.flush(d, q),
+            self.operations.flush(d, q),
+            self.due.reserve(d, lists + self.lists.len() as u64 * 4),
+            self.runs_buffer.reserve(d, self.runs.len() as u64 * 16),
+        ]
+        .contains(&true);
+        if grew {
+            self.bindings.clear();
+        }
+        q.write_buffer(self.due.buffer(), lists, bytemuck::cast_slice(&self.lists));
+        q.write_buffer(self.runs_buffer.buffer(), 0, bytemuck::cast_slice(&self.runs));
+        self.lists.clear();
+    }
+
+    /// Clears the lists of due tiles and the arguments made of their lengths.
+    pub fn clear_schedule(&self, encoder: &mut wgpu::CommandEncoder, arena: &Arena) {
+        let mut start = 0;
+        for page in 0..arena.pages.len() {
+            encoder.clear_buffer(self.due.buffer(), start * 4, Some(4));
+            start += 1 + u64::from(arena.page_rows(page));
+        }
+        encoder.clear_buffer(self.arguments.buffer(), 0, None);
+    }
+
+    /// Makes sure that a kernel's bindings for a page are there.
+    pub fn bind(
+        &mut self,
+        device: &Device,
+        arena: &Arena,
+        pipelines: &[Pipeline],
+        kernel: KernelId,
+        page: u32,
+    ) {
+        if self.bindings.contains_key(&(kernel, page)) {
+            return;
+        }
+        let number = kernel as usize;
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
+            .zip(KERNELS[number].bindings)
+            .map(|(binding, &(resource, _))| wgpu::BindGroupEntry {
+                binding,
+                resource: self.resource(arena, resource, page),
+            })
+            .collect();
+        let group = device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(KERNELS[number].name),
+            layout: &pipelines[number].layout,
+            entries: &entries,
+        });
+        self.bindings.insert((kernel, page), group);
+    }
+
+    /// A kernel's bindings for a page, made by [`Tables::bind`].
+    pub fn binding(&self, kernel: KernelId, page: u32) -> Option<&wgpu::BindGroup> {
+        self.bindings.get(&(kernel, page))
+    }
+
+    fn resource<'a>(
+        &'a self,
+        arena: &'a Arena,
+        resource: Resource,
+        page: u32,
+    ) -> wgpu::BindingResource<'a> {
+        let cells = |index: usize| {
+            let page = arena.pages[page as usize].as_ref();
+            &page.expect("only pages with tiles in them are dispatched").cells[index]
+        };
+        let buffer = match resource {
+            Resource::Work => {
+                return wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer: self.passes.buffer(),
+                    offset: 0,
+                    size: wgpu::BufferSize::new(std::mem::size_of::<Pass>() as u64),
+                });
+            }
+            Resource::Sessions => self.sessions.buffer(),
+            Resource::Runs => self.runs_buffer.buffer(),
+            Resource::Tallies => self.tallies.buffer(),
+            Resource::PageStarts => self.page_starts.buffer(),
+            Resource::Due => self.due.buffer(),
+            Resource::Arguments => self.arguments.buffer(),
+            Resource::Colliders => self.colliders.buffer(),
+            Resource::Spans => self.spans.buffer(),
+            Resource::Contacts => self.contacts.buffer(),
+            Resource::LoadJobs => self.load_jobs.buffer(),
+            Resource::Loads => self.loads.buffer(),
+            Resource::EditJobs => self.edit_jobs.buffer(),
+            Resource::Operations => self.operations.buffer(),
+            Resource::OperationResults => self.operation_results.buffer(),
+            Resource::PackedCount => self.packed_count.buffer(),
+            Resource::Packed => self.packed.buffer(),
+            Resource::Mass => cells(0),
+            Resource::Thickness => cells(1),
+            Resource::Temperature => cells(2),
+            Resource::Stress => cells(3),
+            Resource::Tiles
+            | Resource::States
+            | Resource::Tops
+            | Resource::Heights
+            | Resource::Filled
+            | Resource::Ground => {
+                arena.table(resource).expect("the arena has a table of each of these")
+            }
+        };
+        buffer.as_entire_binding()
+    }
+}

@@ -1,0 +1,243 @@
+//! Colliders: objects that stand on the snow.
+
+use axum::Json as Answer;
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::http::docs::{
+    BodyProblems, ColliderPath, ParameterProblems, SessionPath, SessionProblems,
+};
+use crate::http::extract::{Json, Query, Segments};
+use crate::http::page::{Page, PageQuery};
+use crate::http::state::App;
+use crate::problem::Problem;
+use crate::session::{
+    Applied, Change, ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView,
+    Session, SessionError, Stamp,
+};
+
+use super::stamp_headers;
+
+/// A page of the colliders of a session.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ColliderPage {
+    /// When this holds.
+    #[serde(flatten)]
+    stamp: Stamp,
+    /// The page.
+    #[serde(flatten)]
+    page: Page<ColliderView>,
+}
+
+/// Create a collider
+///
+/// Its footprint must lie inside the grid.
+#[utoipa::path(
+    post,
+    path = "/v1/sessions/{id}/colliders",
+    operation_id = "create_collider",
+    tag = "colliders",
+    params(SessionPath),
+    request_body = ColliderSpec,
+    responses(
+        (status = 201, description = "The collider", body = ColliderReply,
+            headers(("Location" = String, description = "Path of the collider"))),
+        (status = 409, description = "There is a collider of that name already", body = Problem,
+            content_type = "application/problem+json"),
+        SessionProblems,
+        BodyProblems
+    )
+)]
+pub async fn create(
+    State(app): State<App>,
+    Segments(id): Segments<String>,
+    Json(spec): Json<ColliderSpec>,
+) -> Result<Response, Problem> {
+    let session = app.sessions.get(&id)?;
+    Ok(answer(&session, session.change(Change::CreateCollider(spec)).await?))
+}
+
+/// List colliders
+///
+/// In ascending order of their names.
+#[utoipa::path(
+    get,
+    path = "/v1/sessions/{id}/colliders",
+    operation_id = "list_colliders",
+    tag = "colliders",
+    params(SessionPath, PageQuery),
+    responses(
+        (status = 200, description = "A page of colliders", body = ColliderPage),
+        SessionProblems,
+        ParameterProblems
+    )
+)]
+pub async fn list(
+    State(app): State<App>,
+    Segments(id): Segments<String>,
+    Query(query): Query<PageQuery>,
+) -> Result<Answer<ColliderPage>, Problem> {
+    let session = app.sessions.get(&id)?;
+    let (stamp, all) = published(&session);
+    let first = query
+        .cursor
+        .as_deref()
+        .map_or(0, |after| all.partition_point(|collider| collider.id.as_str() <= after));
+    let items = all.iter().skip(first).take(query.limit() + 1).cloned().collect();
+    let page = Page::new(items, query.limit(), |collider: &ColliderView| &collider.id);
+    Ok(Answer(ColliderPage { stamp, page }))
+}
+
+/// Put and remove several colliders
+///
+/// All in one frame, or none. Up to 4096 in all.
+#[utoipa::path(
+    post,
+    path = "/v1/sessions/{id}/colliders:batch",
+    operation_id = "batch_colliders",
+    tag = "colliders",
+    params(SessionPath),
+    request_body = ColliderBatch,
+    responses(
+        (status = 200, description = "When they were put and removed", body = Stamp),
+        SessionProblems,
+        BodyProblems
+    )
+)]
+pub async fn batch(
+    State(app): State<App>,
+    Segments(id): Segments<String>,
+    Json(batch): Json<ColliderBatch>,
+) -> Result<Response, Problem> {
+    let session = app.sessions.get(&id)?;
+    Ok(super::applied(session.change(Change::Colliders(batch)).await?))
+}
+
+/// Get a collider
+#[utoipa::path(
+    get,
+    path = "/v1/sessions/{id}/colliders/{cid}",
+    operation_id = "get_collider",
+    tag = "colliders",
+    params(ColliderPath),
+    responses((status = 200, description = "The collider", body = ColliderReply), SessionProblems)
+)]
+pub async fn get(
+    State(app): State<App>,
+    Segments((id, cid)): Segments<(String, String)>,
+) -> Result<Answer<ColliderReply>, Problem> {
+    let session = app.sessions.get(&id)?;
+    let (stamp, all) = published(&session);
+    let collider = all
+        .iter()
+        .find(|collider| collider.id == cid)
+        .cloned()
+        .ok_or(SessionError::NotFound { kind: "collider", id: cid })?;
+    Ok(Answer(ColliderReply { stamp, collider, created: false }))
+}
+
+/// Create or replace a collider
+///
+/// Where the body has an `id`, it must be the one in the path.
+#[utoipa::path(
+    put,
+    path = "/v1/sessions/{id}/colliders/{cid}",
+    operation_id = "put_collider",
+    tag = "colliders",
+    params(ColliderPath),
+    request_body = ColliderSpec,
+    responses(
+        (status = 200, description = "The collider, replaced", body = ColliderReply),
+        (status = 201, description = "The collider, created", body = ColliderReply,
+            headers(("Location" = String, description = "Path of the collider"))),
+        SessionProblems,
+        BodyProblems
+    )
+)]
+pub async fn put(
+    State(app): State<App>,
+    Segments((id, cid)): Segments<(String, String)>,
+    Json(spec): Json<ColliderSpec>,
+) -> Result<Response, Problem> {
+    let session = app.sessions.get(&id)?;
+    if let Some(named) = spec.id.as_ref().filter(|&named| *named != cid) {
+        let detail = format!("'{named}' is not the '{cid}' of the path; leave it out");
+        return Err(Problem::invalid_field("/id", detail));
+    }
+    let spec = ColliderSpec { id: Some(cid), ..spec };
+    Ok(answer(&session, session.change(Change::PutCollider(spec)).await?))
+}
+
+/// Change a collider
+///
+/// Fields that are left out stay as they are.
+#[utoipa::path(
+    patch,
+    path = "/v1/sessions/{id}/colliders/{cid}",
+    operation_id = "patch_collider",
+    tag = "colliders",
+    params(ColliderPath),
+    request_body = ColliderPatch,
+    responses(
+        (status = 200, description = "The collider as it is now", body = ColliderReply),
+        SessionProblems,
+        BodyProblems
+    )
+)]
+pub async fn patch(
+    State(app): State<App>,
+    Segments((id, cid)): Segments<(String, String)>,
+    Json(patch): Json<ColliderPatch>,
+) -> Result<Response, Problem> {
+    let session = app.sessions.get(&id)?;
+    Ok(answer(&session, session.change(Change::PatchCollider { id: cid, patch }).await?))
+}
+
+/// Remove a collider
+#[utoipa::path(
+    delete,
+    path = "/v1/sessions/{id}/colliders/{cid}",
+    operation_id = "delete_collider",
+    tag = "colliders",
+    params(ColliderPath),
+    responses(
+        (status = 204, description = "It is gone", headers(
+            ("Firn-Tick" = u64, description = "Tick at which it was removed"),
+            ("Firn-Seq" = u64, description = "Seq at which it was gone")
+        )),
+        SessionProblems
+    )
+)]
+pub async fn delete(
+    State(app): State<App>,
+    Segments((id, cid)): Segments<(String, String)>,
+) -> Result<Response, Problem> {
+    let session = app.sessions.get(&id)?;
+    let applied = session.change(Change::DeleteCollider { id: cid }).await?;
+    let stamp = match applied {
+        Applied::Stamp(stamp) => stamp,
+        _ => session.mirror().stamp_at(session.frame()),
+    };
+    Ok((StatusCode::NO_CONTENT, stamp_headers(stamp)).into_response())
+}
+
+/// The published colliders, and when they hold.
+fn published(session: &Session) -> (Stamp, std::sync::Arc<[ColliderView]>) {
+    let mirror = session.mirror();
+    (mirror.stamp_at(session.frame()), mirror.colliders.clone())
+}
+
+/// 201 with its location for a collider that is new, 200 for one that was there.
+fn answer(session: &Session, applied: Applied) -> Response {
+    match applied {
+        Applied::Collider(reply) if reply.created => {
+            let location = format!("/v1/sessions/{}/colliders/{}", session.id, reply.collider.id);
+            let headers = [(header::LOCATION, location)];
+            (StatusCode::CREATED, headers, Answer(reply)).into_response()
+        }
+        other => super::applied(other),
+    }
+}

@@ -1,0 +1,96 @@
+//! Whether the server lives, and whether it can take work.
+
+use axum::Json as Answer;
+use axum::extract::State;
+use axum::http::StatusCode;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::http::state::App;
+
+/// Answer to `GET /livez`.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Alive {
+    /// Always `alive`.
+    status: &'static str,
+}
+
+/// Answer to `GET /readyz`.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Readiness {
+    /// Whether requests are served.
+    status: ReadyStatus,
+    /// Name of the adapter that the snowpacks live on, or `cpu`.
+    adapter: String,
+    /// Graphics interface, or `cpu`.
+    backend: String,
+    /// `open`: nobody is asked for a token.
+    auth: &'static str,
+    /// Sessions there are.
+    sessions: usize,
+    /// Most sessions there may be.
+    capacity: usize,
+    /// Whether a session could be created now.
+    schedulable: bool,
+}
+
+/// Whether requests are served.
+#[derive(Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ReadyStatus {
+    /// They are.
+    Ready,
+    /// The server is stopping.
+    Draining,
+    /// The engine has failed; only a restart helps.
+    Failed,
+}
+
+/// Is the server alive?
+#[utoipa::path(
+    get,
+    path = "/livez",
+    operation_id = "livez",
+    tag = "operations",
+    responses((status = 200, description = "It is", body = Alive))
+)]
+pub async fn livez() -> Answer<Alive> {
+    Answer(Alive { status: "alive" })
+}
+
+/// Is the server ready?
+///
+/// With what it runs on, and how much it holds.
+#[utoipa::path(
+    get,
+    path = "/readyz",
+    operation_id = "readyz",
+    tag = "operations",
+    responses(
+        (status = 200, description = "It is", body = Readiness),
+        (status = 503, description = "It is stopping, or its engine has failed", body = Readiness)
+    )
+)]
+pub async fn readyz(State(app): State<App>) -> (StatusCode, Answer<Readiness>) {
+    let status = if !app.sessions.vitals().is_healthy() {
+        ReadyStatus::Failed
+    } else if app.draining.is_cancelled() {
+        ReadyStatus::Draining
+    } else {
+        ReadyStatus::Ready
+    };
+    let device = app.sessions.device();
+    let (sessions, capacity) = (app.sessions.count(), app.sessions.limits().sessions);
+    let ready = status == ReadyStatus::Ready;
+    let readiness = Readiness {
+        status,
+        adapter: device.adapter.clone(),
+        backend: device.backend.clone(),
+        auth: "open",
+        sessions,
+        capacity,
+        schedulable: ready && sessions < capacity,
+    };
+    let code = if ready { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
+    (code, Answer(readiness))
+}

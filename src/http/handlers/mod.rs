@@ -1,0 +1,31 @@
+//! The calls, one file per noun.
+
+pub mod air_temperature;
+pub mod clearings;
+pub mod colliders;
+pub mod columns;
+pub mod health;
+pub mod height;
+pub mod heights;
+pub mod mass;
+pub mod openapi;
+pub mod sessions;
+pub mod snowfalls;
+
+use axum::http::{HeaderName, HeaderValue};
+use axum::response::{IntoResponse, Response};
+
+use crate::session::{Applied, Stamp};
+
+/// The headers that date an answer: the tick, and the number of the newest published change.
+fn stamp_headers(stamp: Stamp) -> [(HeaderName, HeaderValue); 2] {
+    [
+        (HeaderName::from_static("firn-tick"), HeaderValue::from(stamp.tick)),
+        (HeaderName::from_static("firn-seq"), HeaderValue::from(stamp.seq)),
+    ]
+}
+
+/// Answers a change with what it did.
+fn applied(applied: Applied) -> Response {
+    axum::Json(applied).into_response()
+}

@@ -1,0 +1,16 @@
+//! The REST interface: `docs/architecture.md` describes the layers, `api/openapi.json` the calls.
+
+mod accept;
+mod docs;
+mod extract;
+mod handlers;
+mod page;
+mod query;
+mod router;
+mod run;
+mod state;
+
+pub use docs::document;
+pub use router::router;
+pub use run::run;
+pub use state::App;

@@ -1,0 +1,137 @@
+//! Query parameters, read by name: every one that is wrong is reported, by its name.
+
+use std::fmt::Display;
+use std::str::FromStr;
+
+use axum::extract::Query;
+use axum::http::Uri;
+
+use crate::problem::{FieldError, Problem};
+
+/// The parameters of one request that have not been taken yet.
+#[derive(Debug)]
+pub struct Params {
+    left: Vec<(String, String)>,
+    known: Vec<&'static str>,
+    errors: Vec<FieldError>,
+}
+
+impl Params {
+    /// The parameters of a URI.
+    ///
+    /// # Errors
+    /// 400 where the query is not valid UTF-8 once decoded.
+    pub fn new(uri: &Uri) -> Result<Params, Problem> {
+        let Query(left) = Query::try_from_uri(uri)
+            .map_err(|_| Problem::malformed("the query is not valid UTF-8 text once decoded"))?;
+        Ok(Params { left, known: Vec::new(), errors: Vec::new() })
+    }
+
+    /// Notes a parameter as wrong.
+    pub fn reject(&mut self, name: &str, detail: impl Into<String>) {
+        self.errors.push(FieldError { pointer: name.to_owned(), detail: detail.into() });
+    }
+
+    /// Takes a parameter's text.
+    pub fn text(&mut self, name: &'static str) -> Option<String> {
+        self.known.push(name);
+        let at = self.left.iter().position(|(key, _)| key == name)?;
+        let (_, value) = self.left.remove(at);
+        if self.left.iter().any(|(key, _)| key == name) {
+            self.left.retain(|(key, _)| key != name);
+            self.reject(name, "is given more than once");
+        }
+        Some(value)
+    }
+
+    fn parsed<T: FromStr>(&mut self, name: &'static str, expected: impl Display) -> Option<T> {
+        let text = self.text(name)?;
+        let value = text.parse().ok();
+        if value.is_none() {
+            let shown: String = text.chars().take(40).collect();
+            self.reject(name, format!("expected {expected}, found '{shown}'"));
+        }
+        value
+    }
+
+    /// Takes a whole number within a range.
+    pub fn whole(&mut self, name: &'static str, lowest: u32, highest: u32) -> Option<u32> {
+        let expected = format!("a whole number from {lowest} to {highest}");
+        let value = self.parsed(name, &expected)?;
+        if !(lowest..=highest).contains(&value) {
+            self.reject(name, format!("expected {expected}, found {value}"));
+            return None;
+        }
+        Some(value)
+    }
+
+    /// Takes a finite number that must be there.
+    pub fn required_number(&mut self, name: &'static str) -> Option<f64> {
+        if !self.left.iter().any(|(key, _)| key == name) {
+            self.known.push(name);
+            self.reject(name, "the parameter is missing; a number was expected");
+            return None;
+        }
+        let value: f64 = self.parsed(name, "a number")?;
+        if !value.is_finite() {
+            self.reject(name, format!("expected a finite number, found {value}"));
+            return None;
+        }
+        Some(value)
+    }
+
+    /// Takes `true` or `false`.
+    pub fn flag(&mut self, name: &'static str) -> Option<bool> {
+        self.parsed(name, "'true' or 'false'")
+    }
+
+    /// Reports everything that was wrong, and what is left over.
+    ///
+    /// # Errors
+    /// 422 naming each parameter.
+    pub fn finish(mut self) -> Result<(), Problem> {
+        for (name, _) in std::mem::take(&mut self.left) {
+            let known = self.known.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>();
+            let detail = format!("unknown parameter; known are {}", known.join(", "));
+            self.reject(&name, detail);
+        }
+        if self.errors.is_empty() { Ok(()) } else { Err(Problem::invalid(self.errors)) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn params(query: &str) -> Params {
+        Params::new(&format!("/x?{query}").parse().unwrap()).unwrap()
+    }
+
+    fn named(params: Params) -> Vec<String> {
+        let problem = params.finish().unwrap_err();
+        assert_eq!(problem.status, 422);
+        problem.errors.into_iter().map(|error| error.pointer).collect()
+    }
+
+    #[test]
+    fn known_parameters_are_read() {
+        let mut params = params("width=4&surface=true&x=1.5e0");
+        assert_eq!(params.whole("width", 1, 10), Some(4));
+        assert_eq!(params.whole("depth", 1, 10), None);
+        assert_eq!(params.flag("surface"), Some(true));
+        assert_eq!(params.required_number("x"), Some(1.5));
+        assert_eq!(params.finish(), Ok(()));
+    }
+
+    #[test]
+    fn everything_wrong_is_named() {
+        let mut params = params("width=11&depth=-1&surface=yes&x=nan&stray=1&twice=1&twice=2");
+        assert_eq!(params.whole("width", 1, 10), None);
+        assert_eq!(params.whole("depth", 1, 10), None);
+        assert_eq!(params.flag("surface"), None);
+        assert_eq!(params.required_number("x"), None);
+        assert_eq!(params.required_number("z"), None);
+        params.text("twice");
+        assert_eq!(named(params), ["width", "depth", "surface", "x", "z", "twice", "stray"]);
+    }
+}

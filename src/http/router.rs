@@ -1,0 +1,168 @@
+//! Every route, and the layers around them.
+
+use std::any::Any;
+
+use axum::Router;
+use axum::extract::{DefaultBodyLimit, Request, State};
+use axum::http::{Method, Uri};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::trace::{DefaultOnResponse, TraceLayer};
+use tracing::{Level, Span, error, info_span};
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use crate::problem::Problem;
+use crate::stream;
+
+use super::docs::Document;
+use super::handlers::{
+    air_temperature, clearings, colliders, columns, health, height, heights, mass, openapi,
+    sessions, snowfalls,
+};
+use super::state::App;
+
+/// The whole server.
+pub fn router(app: App) -> Router {
+    let (timed, _) = timed_routes().split_for_parts();
+    let (untimed, _) = untimed_routes().split_for_parts();
+    let limit = middleware::from_fn_with_state(app.clone(), limit_time);
+    let routes = timed.layer(limit).merge(untimed);
+    dress(routes, &app).with_state(app)
+}
+
+/// Every documented route.
+pub fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::with_openapi(Document::openapi()).merge(timed_routes()).merge(untimed_routes())
+}
+
+/// Routes that have to answer within the time limit of requests.
+fn timed_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::default()
+        .routes(routes!(sessions::create, sessions::list))
+        .routes(routes!(sessions::get, sessions::patch, sessions::delete))
+        .routes(routes!(sessions::reset))
+        .routes(routes!(snowfalls::create))
+        .routes(routes!(clearings::create))
+        .routes(routes!(air_temperature::put))
+        .routes(routes!(colliders::create, colliders::list))
+        .routes(routes!(colliders::batch))
+        .routes(routes!(colliders::get, colliders::put, colliders::patch, colliders::delete))
+        .routes(routes!(heights::get))
+        .routes(routes!(height::get))
+        .routes(routes!(columns::get))
+        .routes(routes!(mass::get))
+        .routes(routes!(health::livez))
+        .routes(routes!(health::readyz))
+        .routes(routes!(openapi::get))
+}
+
+/// Routes that may take as long as they need.
+fn untimed_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::default().routes(routes!(sessions::step)).routes(routes!(stream::stream))
+}
+
+/// Puts what holds for every request around some routes.
+fn dress(routes: Router<App>, app: &App) -> Router<App> {
+    let trace = TraceLayer::new_for_http()
+        .make_span_with(span)
+        .on_response(DefaultOnResponse::new().level(Level::DEBUG));
+    routes
+        .fallback(unknown_path)
+        .method_not_allowed_fallback(unknown_method)
+        .layer(DefaultBodyLimit::max(app.requests.max_body_bytes))
+        .layer(CatchPanicLayer::custom(panicked))
+        .layer(trace)
+}
+
+/// The query is left out: it may hold a token.
+fn span(request: &Request) -> Span {
+    info_span!("request", method = %request.method(), path = request.uri().path())
+}
+
+async fn limit_time(State(app): State<App>, request: Request, next: Next) -> Response {
+    let limit = app.requests.request_timeout;
+    match tokio::time::timeout(limit, next.run(request)).await {
+        Ok(response) => response,
+        Err(_) => Problem::unavailable(format!(
+            "the request was not done within {} s; what it asked for may still happen",
+            limit.as_secs_f64()
+        ))
+        .into_response(),
+    }
+}
+
+async fn unknown_path(uri: Uri) -> Problem {
+    Problem::not_found(format!("there is nothing at '{}'; see /openapi.json", uri.path()))
+}
+
+async fn unknown_method(method: Method, uri: Uri) -> Problem {
+    Problem::method_not_allowed(format!(
+        "'{}' knows no {method}; the `Allow` header lists what it knows",
+        uri.path()
+    ))
+}
+
+fn panicked(cause: Box<dyn Any + Send>) -> Response {
+    let message = cause
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| cause.downcast_ref::<&str>().copied())
+        .unwrap_or("no message");
+    error!("handling a request panicked: {message}");
+    Problem::internal("handling this request failed; the log says more").into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use axum::body::Body;
+    use axum::http::StatusCode;
+    use axum::routing;
+    use tower::ServiceExt;
+
+    use super::*;
+    use crate::config::RequestConfig;
+    use crate::engine::cpu::CpuBackend;
+    use crate::session::{Limits, World, WorldConfig};
+
+    fn app() -> App {
+        let limits =
+            Limits { sessions: 1, cells_per_session: 64, cells: 64, colliders_per_session: 1 };
+        let config = WorldConfig { limits, publish_rate: 20.0, sleep: true };
+        let (sessions, _world) =
+            World::start(Box::new(CpuBackend::new(None, false)), config).unwrap();
+        let request_timeout = Duration::from_millis(20);
+        App::new(sessions, RequestConfig { max_body_bytes: 64, request_timeout })
+    }
+
+    async fn status(routes: Router<App>, app: &App) -> StatusCode {
+        let request = Request::get("/x").body(Body::empty()).unwrap();
+        let router = dress(routes, app).with_state(app.clone());
+        let response = router.oneshot(request).await.unwrap();
+        assert_eq!(response.headers()["content-type"], "application/problem+json");
+        response.status()
+    }
+
+    async fn panics() {
+        panic!("in a handler");
+    }
+
+    #[tokio::test]
+    async fn a_panic_in_a_handler_is_an_internal_error() {
+        let routes = Router::new().route("/x", routing::get(panics));
+        assert_eq!(status(routes, &app()).await, StatusCode::INTERNAL_SERVER_ERROR);
+    }
+
+    #[tokio::test]
+    async fn a_handler_that_never_ends_runs_into_the_time_limit() {
+        let app = app();
+        let routes = Router::new()
+            .route("/x", routing::get(std::future::pending::<()>))
+            .layer(middleware::from_fn_with_state(app.clone(), limit_time));
+        assert_eq!(status(routes, &app).await, StatusCode::SERVICE_UNAVAILABLE);
+    }
+}

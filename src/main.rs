@@ -1,0 +1,7 @@
+//! The `firn` program: see [`firn::cli`].
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    firn::cli::run()
+}

@@ -1,0 +1,80 @@
+//! What can go wrong with a request about a session.
+
+/// One part of a request that can't be accepted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Invalid {
+    /// JSON pointer to the field in the body, or the name of a path or query parameter.
+    pub pointer: String,
+    /// What was expected and what was found.
+    pub detail: String,
+}
+
+/// Why a request about a session was not carried out. Nothing has changed where one is returned.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum SessionError {
+    /// There is no such session, collider or column.
+    #[error("there is no {kind} '{id}'")]
+    NotFound {
+        /// What was looked for.
+        kind: &'static str,
+        /// The name it was looked for by.
+        id: String,
+    },
+    /// The state of the session does not allow it now.
+    #[error("{0}")]
+    Conflict(String),
+    /// Fields are invalid or beyond a limit of a session.
+    #[error("the request is not valid")]
+    Invalid(Vec<Invalid>),
+    /// A total of the whole server is reached.
+    #[error("{0}")]
+    ServerFull(String),
+    /// The device's memory is full.
+    #[error("{0}")]
+    OutOfMemory(String),
+    /// The engine is stopping, or has failed.
+    #[error("{0}")]
+    Unavailable(String),
+    /// Handling the request failed inside the server.
+    #[error("{0}")]
+    Internal(String),
+}
+
+/// Collects what is wrong with a request, so that its author learns all of it at once.
+#[derive(Debug, Default)]
+pub struct Check(Vec<Invalid>);
+
+impl Check {
+    /// Notes a field as invalid.
+    pub fn reject(&mut self, pointer: impl Into<String>, detail: impl Into<String>) {
+        self.0.push(Invalid { pointer: pointer.into(), detail: detail.into() });
+    }
+
+    /// Notes a number outside `lowest..=highest`, or not finite.
+    pub fn range(
+        &mut self,
+        pointer: impl Into<String>,
+        value: f64,
+        lowest: f64,
+        highest: f64,
+        unit: &str,
+    ) {
+        if !(lowest..=highest).contains(&value) {
+            let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+            self.reject(pointer, format!("{value} is not within {lowest} to {highest}{unit}"));
+        }
+    }
+
+    /// Whether nothing has been noted so far.
+    pub fn passed(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Everything noted, as one error.
+    ///
+    /// # Errors
+    /// [`SessionError::Invalid`] where anything was noted.
+    pub fn finish(self) -> Result<(), SessionError> {
+        if self.0.is_empty() { Ok(()) } else { Err(SessionError::Invalid(self.0)) }
+    }
+}

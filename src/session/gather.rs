@@ -1,0 +1,95 @@
+//! Views made of the cells themselves, read back from the device on demand.
+
+use crate::engine::frame::TileCells;
+use crate::snow::{CELL, Cell, Grid, MASS_QUANTA, Material, TILE_COLUMNS};
+
+use super::view::{ColumnView, LayerView, MassView, Stamp};
+
+/// Cells of some tiles, and when they were as they are here.
+#[derive(Clone, Debug)]
+pub struct Gathered {
+    /// When.
+    pub stamp: Stamp,
+    /// Material constants then.
+    pub material: Material,
+    /// The tiles, in the order asked for.
+    pub tiles: Vec<TileCells>,
+}
+
+/// Mass that has gone in and out of a snowpack, in quanta summed over its columns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ledger {
+    /// Fallen, the refused part included.
+    pub fallen: u64,
+    /// Found no room.
+    pub refused: u64,
+    /// Cleared away.
+    pub cleared: u64,
+}
+
+impl Ledger {
+    /// Mass that must be present.
+    pub fn present(&self) -> u64 {
+        self.fallen - self.refused - self.cleared
+    }
+
+    /// The ledger beside the mass that a tally found.
+    pub(super) fn view(&self, stamp: Stamp, present: u64, grid: &Grid) -> MassView {
+        MassView {
+            stamp,
+            present: grid.kilograms(present),
+            fallen: grid.kilograms(self.fallen),
+            refused: grid.kilograms(self.refused),
+            cleared: grid.kilograms(self.cleared),
+            imbalance_quanta: self.present() as i64 - present as i64,
+        }
+    }
+}
+
+impl TileCells {
+    /// The occupied cells of one column, from the ground up.
+    pub fn column(&self, column: u32) -> impl Iterator<Item = Cell> + '_ {
+        (column as usize..self.mass.len())
+            .step_by(TILE_COLUMNS as usize)
+            .take_while(|&i| self.mass[i] > 0)
+            .map(|i| Cell {
+                mass: self.mass[i],
+                thickness: self.thickness[i],
+                temperature: self.temperature[i],
+                stress: self.stress[i],
+            })
+    }
+}
+
+/// A column of the first tile gathered.
+pub(super) fn column_view(gathered: &Gathered, column: u32, grid: &Grid) -> ColumnView {
+    let area = grid.column_area();
+    let mut bottom = 0u64;
+    let mut mass = 0u64;
+    let mut layers = Vec::new();
+    for cell in gathered.tiles.iter().flat_map(|tile| tile.column(column)) {
+        let density = f64::from(cell.mass) / MASS_QUANTA * f64::from(CELL)
+            / (f64::from(cell.thickness) * grid.cell_size);
+        layers.push(LayerView {
+            bottom: grid.metres(bottom),
+            thickness: grid.metres(u64::from(cell.thickness)),
+            density,
+            temperature: f64::from(cell.temperature),
+            hardness: f64::from(gathered.material.hardness(density as f32, cell.temperature)),
+            stress: f64::from(cell.stress),
+            mass: grid.kilograms(u64::from(cell.mass)),
+        });
+        bottom += u64::from(cell.thickness);
+        mass += u64::from(cell.mass);
+    }
+    let height = grid.metres(bottom);
+    let mass = grid.kilograms(mass);
+    ColumnView {
+        stamp: gathered.stamp,
+        height,
+        mass,
+        mean_density: if bottom == 0 { 0.0 } else { mass / (height * area) },
+        weak_layers: super::weak::weak_layers(&layers),
+        layers,
+    }
+}

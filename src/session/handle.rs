@@ -1,0 +1,253 @@
+//! A session as the rest of the server sees it.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
+
+use serde::Serialize;
+use tokio::sync::{broadcast, mpsc, oneshot, watch};
+use tokio_util::sync::CancellationToken;
+use utoipa::ToSchema;
+
+use crate::engine::frame::TileCells;
+
+use super::change::{Change, StepSpec};
+use super::error::SessionError;
+use super::mirror::Mirror;
+use super::spec::SessionSpec;
+use super::token::TokenHashes;
+use super::view::{Applied, ColumnView, MassView, SessionView, Stamp, State};
+use super::simulation::Simulation;
+use super::world::Message;
+use super::{gather, view};
+
+/// Events a stream client that is slower than this many of them loses the oldest.
+const EVENT_BACKLOG: usize = 64;
+
+/// Something that happened in a session, told to stream clients while they are connected.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Event {
+    /// Snow fell, at once or as the beginning or end of a continuous snowfall.
+    Snowfall {
+        /// When.
+        #[serde(flatten)]
+        stamp: Stamp,
+        /// Mass that fell \[kg\], the refused part included.
+        fallen_mass: f64,
+        /// Mass that found no room \[kg\].
+        refused_mass: f64,
+    },
+    /// Snow was cleared.
+    Clearing {
+        /// When.
+        #[serde(flatten)]
+        stamp: Stamp,
+        /// Mass that was removed \[kg\].
+        cleared_mass: f64,
+    },
+    /// The settings changed, by the air's temperature or otherwise.
+    Settings {
+        /// When.
+        #[serde(flatten)]
+        stamp: Stamp,
+        /// All settings, as they are now.
+        settings: view::Settings,
+    },
+    /// Nothing moves any more.
+    Settled {
+        /// When.
+        #[serde(flatten)]
+        stamp: Stamp,
+    },
+    /// The session is back in the state it was created in.
+    Reset {
+        /// When.
+        #[serde(flatten)]
+        stamp: Stamp,
+    },
+}
+
+/// A session. Reads are served from its mirror; changes go to the world's thread.
+#[derive(Debug)]
+pub struct Session {
+    /// Its name.
+    pub id: String,
+    /// What it was created with.
+    pub spec: SessionSpec,
+    /// Names this life of the session: with `seq` it names one state.
+    pub epoch: String,
+    /// When it was created, RFC 3339.
+    pub created_at: String,
+    /// Hashes of its tokens.
+    pub tokens: TokenHashes,
+    /// Key in the world; never used twice.
+    pub(super) key: u64,
+    pub(super) mirror: RwLock<Mirror>,
+    pub(super) published: watch::Sender<u64>,
+    pub(super) events: broadcast::Sender<Event>,
+    pub(super) gone: CancellationToken,
+    pub(super) world: mpsc::Sender<Message>,
+    /// Frames so far, of all sessions.
+    pub(super) frames: Arc<AtomicU64>,
+}
+
+impl Session {
+    pub(super) fn new(
+        id: String,
+        spec: SessionSpec,
+        tokens: TokenHashes,
+        key: u64,
+        world: mpsc::Sender<Message>,
+        frames: Arc<AtomicU64>,
+    ) -> Session {
+        let clock = super::clock::Clock::new(spec.tick_rate, spec.time_scale);
+        let mirror = Mirror::new(spec.grid, spec.material, spec.settings(), clock);
+        Session {
+            id,
+            epoch: ulid::Ulid::generate().to_string(),
+            created_at: humantime::format_rfc3339_millis(std::time::SystemTime::now()).to_string(),
+            tokens,
+            key,
+            published: watch::Sender::new(mirror.seq),
+            mirror: RwLock::new(mirror),
+            events: broadcast::Sender::new(EVENT_BACKLOG),
+            gone: CancellationToken::new(),
+            world,
+            frames,
+            spec,
+        }
+    }
+
+    /// The published state. Hold it only to copy out of it: publications wait meanwhile.
+    pub fn mirror(&self) -> RwLockReadGuard<'_, Mirror> {
+        // A mirror is only written by whole assignments: one left by a panic is still sound.
+        self.mirror.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Frames so far, for [`Mirror::stamp_at`] and [`Mirror::clock_at`].
+    pub fn frame(&self) -> u64 {
+        self.frames.load(Ordering::Relaxed)
+    }
+
+    /// The newest published `seq`, and a way to wait for the next.
+    pub fn publications(&self) -> watch::Receiver<u64> {
+        self.published.subscribe()
+    }
+
+    /// Events from now on.
+    pub fn events(&self) -> broadcast::Receiver<Event> {
+        self.events.subscribe()
+    }
+
+    /// Cancelled when the session is deleted.
+    pub fn gone(&self) -> &CancellationToken {
+        &self.gone
+    }
+
+    /// The session: configuration, clock and summary.
+    pub fn view(&self) -> SessionView {
+        let mirror = self.mirror();
+        let clock = mirror.clock_at(self.frame());
+        SessionView {
+            id: self.id.clone(),
+            grid: mirror.grid,
+            material: mirror.material,
+            settings: mirror.settings,
+            terrain: self.spec.terrain.clone(),
+            state: if mirror.settings.paused { State::Paused } else { State::Running },
+            tick: clock.tick(),
+            seq: mirror.seq,
+            epoch: self.epoch.clone(),
+            sim_time: clock.sim_time(),
+            settled: mirror.settled,
+            summary: mirror.summary(),
+            created_at: self.created_at.clone(),
+            stream_url: format!("/v1/sessions/{}/stream", self.id),
+        }
+    }
+
+    /// Applies a change in the next frame, and returns when the next read sees it.
+    ///
+    /// # Errors
+    /// Those of the change; it is applied whole or not at all.
+    pub async fn change(&self, change: Change) -> Result<Applied, SessionError> {
+        self.ask(|reply| Message::Change { key: self.key, change, reply }).await
+    }
+
+    /// Steps a paused session as fast as the machine can. Dropping the future ends it early, at
+    /// the tick it has reached.
+    ///
+    /// # Errors
+    /// [`SessionError::Conflict`] where the session runs or is being stepped already, and
+    /// [`SessionError::Invalid`].
+    pub async fn step(&self, step: StepSpec) -> Result<SessionView, SessionError> {
+        self.ask(|reply| Message::Step { key: self.key, step, reply }).await?;
+        Ok(self.view())
+    }
+
+    /// Brings the session back to the state it was created in; seqs go on.
+    ///
+    /// # Errors
+    /// [`SessionError::Conflict`] while it is being stepped.
+    pub async fn reset(&self) -> Result<SessionView, SessionError> {
+        self.ask(|reply| Message::Reset { key: self.key, reply }).await?;
+        Ok(self.view())
+    }
+
+    /// The material cells of a column.
+    ///
+    /// # Errors
+    /// [`SessionError::NotFound`] where the column is not in the grid.
+    pub async fn column(&self, x: u32, z: u32) -> Result<ColumnView, SessionError> {
+        let grid = self.spec.grid;
+        if x >= grid.width || z >= grid.depth {
+            return Err(SessionError::NotFound { kind: "column", id: format!("{x}/{z}") });
+        }
+        let (tile, column) = grid.locate(x, z);
+        let gathered = self.gather(vec![tile]).await?;
+        Ok(gather::column_view(&gathered, column, &grid))
+    }
+
+    /// The mass ledger, with the mass present summed over all cells.
+    ///
+    /// # Errors
+    /// [`SessionError::Unavailable`].
+    pub async fn mass(&self) -> Result<MassView, SessionError> {
+        self.ask(|reply| Message::Mass { key: self.key, reply }).await
+    }
+
+    /// All cells of some tiles, of one tick.
+    ///
+    /// # Errors
+    /// [`SessionError::Unavailable`].
+    pub async fn cells(&self, tiles: Vec<u32>) -> Result<Vec<TileCells>, SessionError> {
+        Ok(self.gather(tiles).await?.tiles)
+    }
+
+    /// Runs a closure on the world's thread with the session's simulation, for diagnosis.
+    ///
+    /// # Errors
+    /// [`SessionError::Internal`] where the closure panics; the session is gone then.
+    pub async fn inspect<T: Send + 'static>(
+        &self,
+        look: impl FnOnce(&Simulation) -> T + Send + 'static,
+    ) -> Result<T, SessionError> {
+        let (send, receive) = oneshot::channel();
+        let look = Box::new(move |simulation: &Simulation| {
+            let _ = send.send(look(simulation));
+        });
+        self.ask(|reply| Message::Inspect { key: self.key, look, reply }).await?;
+        receive.await.map_err(|_| super::world::stopped())
+    }
+
+    async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
+        self.ask(|reply| Message::Gather { key: self.key, tiles, reply }).await
+    }
+
+    async fn ask<T>(
+        &self,
+        message: impl FnOnce(oneshot::Sender<Result<T, SessionError>>) -> Message,
+    ) -> Result<T, SessionError> {
+        super::world::ask(&self.world, message).await
+    }
+}

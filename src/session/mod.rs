@@ -1,0 +1,37 @@
+//! A session's life: its name, its commands, its clock, and the mirror that reads are served from.
+
+mod apply;
+mod change;
+mod clock;
+mod error;
+mod gather;
+mod handle;
+mod mirror;
+mod publish;
+mod registry;
+mod simulation;
+mod spec;
+mod step;
+mod token;
+mod view;
+mod weak;
+mod world;
+
+pub use change::{
+    AirTemperature, Change, Clearing, ColliderBatch, ColliderPatch, ColliderSpec, Region,
+    SettingsPatch, Snowfall, StepSpec,
+};
+pub use clock::{Clock, FRAME_RATE};
+pub use error::{Invalid, SessionError};
+pub use handle::{Event, Session};
+pub use mirror::{Mirror, TileColumns};
+pub use registry::Sessions;
+pub use simulation::Simulation;
+pub use spec::{Limits, SessionSpec, SnowLayer, Terrain, is_valid_id};
+pub use token::{TokenHashes, Tokens};
+pub use view::{
+    AirTemperatureReply, Applied, ClearingReply, ColliderReply, ColliderView, ColumnView,
+    CreatedSession, LayerView, MassView, SessionView, Settings, SnowfallReply, Stamp, State,
+    Summary, WeakLayerView,
+};
+pub use world::{Vitals, World, WorldConfig};

@@ -1,0 +1,193 @@
+//! What came of a frame: the mirror brought up to date, requests answered, streams told.
+
+use std::sync::{Arc, PoisonError};
+
+use crate::engine::frame::{TileHeights, WorkOutcome};
+use crate::snow::{CELL, Contact, Grid};
+
+use super::handle::Event;
+use super::gather::Gathered;
+use super::mirror::Mirror;
+use super::simulation::{Collider, Orders, Reply, ReplyKind, Simulation};
+use super::view::{
+    AirTemperatureReply, Applied, ClearingReply, ColliderReply, ColliderView, SnowfallReply, Stamp,
+};
+
+impl Simulation {
+    /// Takes in the outcome of the frame in flight; `tiles` are those of it that changed.
+    pub(super) fn conclude(&mut self, outcome: WorkOutcome, tiles: &[TileHeights]) {
+        self.enter_ledger(&outcome.edits);
+        let was_settled = self.settled;
+        self.conclude_run(outcome.last_change);
+        let settles = self.settled && !was_settled;
+        if self.flight.publish {
+            let orders = std::mem::take(&mut self.flight.orders);
+            let stamp = self.publish(&orders, &outcome, tiles);
+            let settled = settles.then_some(Event::Settled { stamp });
+            let reset = orders.reset.map(|_| Event::Reset { stamp });
+            self.answer(orders, outcome, stamp);
+            for event in reset.into_iter().chain(settled) {
+                self.tell(event);
+            }
+        } else if settles {
+            let stamp = Stamp { tick: self.clock.tick(), seq: self.session.mirror().seq };
+            self.tell(Event::Settled { stamp });
+        }
+        self.deposit_falling();
+    }
+
+    /// Enters what the frame's edits refused and cleared, those before a reset left out.
+    fn enter_ledger(&mut self, edits: &[u64]) {
+        let since = self.flight.orders.reset.unwrap_or(0);
+        for reply in &self.flight.orders.replies {
+            match *reply {
+                Reply::Snowfall { edit, .. }
+                | Reply::Change { kind: ReplyKind::Snowfall { edit, .. }, .. }
+                    if edit >= since =>
+                {
+                    self.ledger.refused += edits[edit];
+                }
+                Reply::Change { kind: ReplyKind::Clearing { edit }, .. } if edit >= since => {
+                    self.ledger.cleared += edits[edit];
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Brings the mirror up to date.
+    fn publish(&mut self, orders: &Orders, outcome: &WorkOutcome, tiles: &[TileHeights]) -> Stamp {
+        let session = self.session.clone();
+        let colliders = self.collider_views(&outcome.contacts);
+        let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        let colliders_changed = *mirror.colliders != *colliders;
+        let asked = orders.replies.iter().any(|reply| matches!(reply, Reply::Change { .. }));
+        let changed = !tiles.is_empty() || colliders_changed || orders.changed || asked;
+        let seq = mirror.seq + u64::from(changed);
+        for tile in tiles {
+            mirror.update(tile, seq);
+        }
+        if colliders_changed {
+            mirror.colliders = colliders;
+            mirror.colliders_version = seq;
+        }
+        self.write_clock(&mut mirror);
+        mirror.active_tiles = outcome.active_tiles;
+        mirror.seq = seq;
+        drop(mirror);
+        self.unpublished = false;
+        if changed {
+            session.published.send_replace(seq);
+        }
+        Stamp { tick: self.clock.tick(), seq }
+    }
+
+    /// Everything of the mirror that costs nothing to copy.
+    fn write_clock(&self, mirror: &mut Mirror) {
+        mirror.clock = self.clock;
+        let passes = !self.settings.paused && self.is_resting();
+        mirror.resting_since = passes.then_some(self.frame);
+        mirror.settled = self.settled && self.settings.snowfall_rate == 0.0;
+        mirror.mass_quanta = self.ledger.present();
+        mirror.settings = self.settings;
+        mirror.material = self.material;
+    }
+
+    fn collider_views(&self, contacts: &[(Arc<str>, Contact)]) -> Arc<[ColliderView]> {
+        let ground = self.session.spec.terrain.as_ref().map_or(0.0, |terrain| {
+            terrain.heights.iter().copied().fold(f64::INFINITY, f64::min)
+        });
+        let grid = &self.session.spec.grid;
+        self.colliders
+            .iter()
+            .zip(contacts)
+            .map(|((id, collider), (_, contact))| view(id, collider, contact, grid, ground))
+            .collect()
+    }
+
+    /// Answers everybody who waited for this frame.
+    fn answer(&self, orders: Orders, outcome: WorkOutcome, stamp: Stamp) {
+        for reply in orders.replies {
+            // A failed send means that nobody waits any more, which is theirs to decide.
+            match reply {
+                Reply::Created(answer) | Reply::Done(answer) => drop(answer.send(Ok(()))),
+                Reply::Snowfall { .. } => {}
+                Reply::Change { kind, answer } => {
+                    let applied = self.applied(kind, &outcome.edits, stamp);
+                    if let Some(event) = self.event(&applied, stamp) {
+                        self.tell(event);
+                    }
+                    drop(answer.send(Ok(applied)));
+                }
+            }
+        }
+        for answer in orders.tallies {
+            let grid = &self.session.spec.grid;
+            drop(answer.send(Ok(self.ledger.view(stamp, outcome.mass, grid))));
+        }
+        let mut gathered = outcome.gathered.into_iter();
+        for (wanted, answer) in orders.gathers {
+            let tiles = gathered.by_ref().take(wanted.len()).collect();
+            drop(answer.send(Ok(Gathered { stamp, material: self.material, tiles })));
+        }
+    }
+
+    fn applied(&self, kind: ReplyKind, edits: &[u64], stamp: Stamp) -> Applied {
+        let grid = &self.session.spec.grid;
+        match kind {
+            ReplyKind::Snowfall { edit, fallen, refused } => Applied::Snowfall(SnowfallReply {
+                stamp,
+                fallen_mass: grid.kilograms(fallen),
+                refused_mass: grid.kilograms(refused + edits[edit]),
+            }),
+            ReplyKind::Clearing { edit } => Applied::Clearing(ClearingReply {
+                stamp,
+                cleared_mass: grid.kilograms(edits[edit]),
+            }),
+            ReplyKind::AirTemperature => Applied::AirTemperature(AirTemperatureReply {
+                stamp,
+                celsius: self.settings.air_temperature,
+            }),
+            ReplyKind::Collider { id, created } => {
+                let mirror = self.session.mirror();
+                let place = mirror.colliders.binary_search_by(|view| (*view.id).cmp(&id));
+                match place {
+                    Ok(i) => Applied::Collider(ColliderReply {
+                        stamp,
+                        collider: mirror.colliders[i].clone(),
+                        created,
+                    }),
+                    // Removed again before the frame: there is nothing left to describe.
+                    Err(_) => Applied::Stamp(stamp),
+                }
+            }
+            ReplyKind::Settings | ReplyKind::Stamp => Applied::Stamp(stamp),
+        }
+    }
+
+    fn tell(&self, event: Event) {
+        // Fails where nobody listens.
+        let _ = self.session.events.send(event);
+    }
+}
+
+fn view(
+    id: &str,
+    collider: &Collider,
+    contact: &Contact,
+    grid: &Grid,
+    lowest_ground: f64,
+) -> ColliderView {
+    let metres = |units: f64| units * grid.cell_size * 2.0 / f64::from(CELL);
+    ColliderView {
+        id: id.to_owned(),
+        mass: collider.mass,
+        shape: collider.shape,
+        position: collider.position,
+        bottom: lowest_ground + metres(f64::from(contact.bottom)),
+        sink_depth: metres(f64::from(contact.reference) - f64::from(contact.bottom)),
+        contact_area: f64::from(contact.area),
+        pressure: f64::from(contact.pressure),
+        resting: contact.resting,
+    }
+}

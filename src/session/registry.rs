@@ -1,0 +1,185 @@
+//! All sessions of the server, by name.
+
+use std::collections::BTreeMap;
+use std::ops::Bound;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+use tokio::sync::mpsc;
+
+use crate::engine::frame::DeviceInfo;
+
+use super::error::SessionError;
+use super::handle::Session;
+use super::spec::{Limits, SessionSpec};
+use super::token::Tokens;
+use super::world::{self, Message, Vitals};
+
+/// Sessions by name; a name is taken from the moment its creation begins.
+#[derive(Debug, Default)]
+pub(super) struct Names(RwLock<BTreeMap<String, Entry>>);
+
+#[derive(Debug)]
+struct Entry {
+    cells: u64,
+    /// `None` while the session is being made.
+    session: Option<Arc<Session>>,
+}
+
+impl Names {
+    fn read(&self) -> RwLockReadGuard<'_, BTreeMap<String, Entry>> {
+        self.0.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self) -> RwLockWriteGuard<'_, BTreeMap<String, Entry>> {
+        self.0.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn reserve(&self, id: &str, cells: u64, limits: &Limits) -> Result<(), SessionError> {
+        let mut names = self.write();
+        if names.contains_key(id) {
+            return Err(SessionError::Conflict(format!("there is a session '{id}' already")));
+        }
+        if names.len() >= limits.sessions {
+            return Err(SessionError::ServerFull(format!(
+                "the server holds its {} sessions already; delete one first",
+                limits.sessions
+            )));
+        }
+        let held: u64 = names.values().map(|entry| entry.cells).sum();
+        if held + cells > limits.cells {
+            return Err(SessionError::ServerFull(format!(
+                "{cells} cells more than the {held} held already would exceed the server's {}; \
+                 delete a session first",
+                limits.cells
+            )));
+        }
+        names.insert(id.to_owned(), Entry { cells, session: None });
+        Ok(())
+    }
+
+    /// Forgets a session.
+    pub(super) fn remove(&self, id: &str) {
+        self.write().remove(id);
+    }
+}
+
+/// Every session of the server. Clones are handles to the same.
+#[derive(Clone, Debug)]
+pub struct Sessions {
+    names: Arc<Names>,
+    world: mpsc::Sender<Message>,
+    vitals: Arc<Vitals>,
+    frames: Arc<AtomicU64>,
+    limits: Limits,
+    keys: Arc<AtomicU64>,
+}
+
+impl Sessions {
+    pub(super) fn new(
+        names: Arc<Names>,
+        world: mpsc::Sender<Message>,
+        vitals: Arc<Vitals>,
+        frames: Arc<AtomicU64>,
+        limits: Limits,
+    ) -> Sessions {
+        Sessions { names, world, vitals, frames, limits, keys: Arc::default() }
+    }
+
+    /// Creates a session; returns when its first state is published.
+    ///
+    /// # Errors
+    /// [`SessionError::Invalid`], [`SessionError::Conflict`] where the name is taken,
+    /// [`SessionError::ServerFull`] and [`SessionError::OutOfMemory`].
+    pub async fn create(&self, spec: SessionSpec) -> Result<(Arc<Session>, Tokens), SessionError> {
+        spec.check(&self.limits)?;
+        let id = spec.id.clone().unwrap_or_else(|| ulid::Ulid::generate().to_string());
+        let tokens = Tokens::generate()
+            .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
+        self.names.reserve(&id, spec.grid.cells(), &self.limits)?;
+        let mut reservation = Reservation { names: &self.names, id: &id, kept: false };
+
+        let session = Arc::new(Session::new(
+            id.clone(),
+            spec,
+            tokens.hashes(),
+            self.keys.fetch_add(1, Ordering::Relaxed),
+            self.world.clone(),
+            self.frames.clone(),
+        ));
+        let made = session.clone();
+        world::ask(&self.world, |reply| Message::Create { session: made, reply }).await?;
+        if let Some(entry) = self.names.write().get_mut(&id) {
+            entry.session = Some(session.clone());
+        }
+        reservation.kept = true;
+        Ok((session, tokens))
+    }
+
+    /// A session by its name.
+    ///
+    /// # Errors
+    /// [`SessionError::NotFound`].
+    pub fn get(&self, id: &str) -> Result<Arc<Session>, SessionError> {
+        self.names
+            .read()
+            .get(id)
+            .and_then(|entry| entry.session.clone())
+            .ok_or_else(|| SessionError::NotFound { kind: "session", id: id.to_owned() })
+    }
+
+    /// Up to `limit` sessions in ascending order of their names, those after `after`.
+    pub fn list(&self, after: Option<&str>, limit: usize) -> Vec<Arc<Session>> {
+        let from = after.map_or(Bound::Unbounded, Bound::Excluded);
+        self.names
+            .read()
+            .range::<str, _>((from, Bound::Unbounded))
+            .filter_map(|(_, entry)| entry.session.clone())
+            .take(limit)
+            .collect()
+    }
+
+    /// Deletes a session; its device memory is free when this returns.
+    ///
+    /// # Errors
+    /// [`SessionError::NotFound`].
+    pub async fn delete(&self, id: &str) -> Result<(), SessionError> {
+        let session = self.get(id)?;
+        world::ask(&self.world, |reply| Message::Delete { key: session.key, reply }).await
+    }
+
+    /// How many sessions there are.
+    pub fn count(&self) -> usize {
+        self.names.read().len()
+    }
+
+    /// The server's limits.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// The device the snowpacks live on.
+    pub fn device(&self) -> &DeviceInfo {
+        &self.vitals.device
+    }
+
+    /// How the engine is doing.
+    pub fn vitals(&self) -> &Vitals {
+        &self.vitals
+    }
+}
+
+/// Gives a reserved name back where the creation fails or is abandoned.
+struct Reservation<'a> {
+    names: &'a Names,
+    id: &'a str,
+    kept: bool,
+}
+
+impl Drop for Reservation<'_> {
+    fn drop(&mut self) {
+        if !self.kept {
+            self.names.remove(self.id);
+        }
+    }
+}

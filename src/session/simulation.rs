@@ -1,0 +1,443 @@
+//! One session on the world's thread: what it is, what it has to do in the next frame, and what
+//! came of it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use tokio::sync::oneshot;
+
+use crate::engine::frame::{Deposit, Edit, Layout, Placement, Run, Slot, Work};
+use crate::snow::{CELL, ColumnRect, Footprint, MASS_QUANTA, Material, Position, Shape};
+
+use super::clock::{Advance, Clock};
+use super::error::SessionError;
+use super::gather::{Gathered, Ledger};
+use super::handle::{Event, Session};
+use super::spec::SessionSpec;
+use super::step::{Goal, StepJob};
+use super::view::{Applied, MassView, Settings, Stamp};
+
+/// Answer channel of a request.
+pub(super) type Answer<T> = oneshot::Sender<Result<T, SessionError>>;
+
+/// A session on the world's thread.
+#[derive(Debug)]
+pub struct Simulation {
+    pub(super) session: Arc<Session>,
+    pub(super) slot: Slot,
+    pub(super) clock: Clock,
+    /// Frame up to which ticks have been counted, and ticks counted but not taken yet.
+    pub(super) frame: u64,
+    owed: u64,
+    pub(super) settings: Settings,
+    pub(super) material: Material,
+    pub(super) colliders: BTreeMap<Arc<str>, Collider>,
+    pub(super) ledger: Ledger,
+    pub(super) falling: Falling,
+    /// The last executed cycle changed no cell, and nothing was disturbed since.
+    pub(super) settled: bool,
+    /// As `settled`, and no later cycle can change a cell either.
+    still: bool,
+    /// Cycle length of the last run: tiles that rested at one length may move at another.
+    last_dt: Option<f64>,
+    /// Something has happened that the mirror doesn't show.
+    pub(super) unpublished: bool,
+    /// What the next frame has to do.
+    pub(super) next: Orders,
+    /// What the frame in flight does.
+    pub(super) flight: Flight,
+    pub(super) step: Option<StepJob>,
+}
+
+/// An object on the snow.
+#[derive(Clone, Debug)]
+pub(super) struct Collider {
+    pub mass: f64,
+    pub shape: Shape,
+    pub position: Position,
+}
+
+/// What is waiting for the next frame.
+#[derive(Debug, Default)]
+pub(super) struct Orders {
+    pub edits: Vec<Edit>,
+    pub wake: bool,
+    pub replies: Vec<Reply>,
+    /// Columns and tiles wanted.
+    pub gathers: Vec<(Vec<u32>, Answer<Gathered>)>,
+    pub tallies: Vec<Answer<MassView>>,
+    /// Settings, colliders or anything else that has no tile changed.
+    pub changed: bool,
+    /// Edits that came before the reset, where there is one.
+    pub reset: Option<usize>,
+}
+
+/// What went with the frame in flight.
+#[derive(Debug, Default)]
+pub(super) struct Flight {
+    pub orders: Orders,
+    pub advance: Advance,
+    pub clock_before: Option<Clock>,
+    pub publish: bool,
+}
+
+/// An answer that is due when the frame is published.
+#[derive(Debug)]
+pub(super) enum Reply {
+    /// To the change that made a snowpack.
+    Created(Answer<()>),
+    /// To a reset, and to a step that has ended.
+    Done(Answer<()>),
+    /// To a change; `edit` counts the edits of the frame.
+    Change { kind: ReplyKind, answer: Answer<Applied> },
+    /// To nobody: snow that fell by itself. Only the ledger wants to know what was refused.
+    Snowfall { edit: usize },
+}
+
+/// What the answer to a change tells.
+#[derive(Clone, Debug)]
+pub(super) enum ReplyKind {
+    /// `refused` is what was refused without asking the backend.
+    Snowfall { edit: usize, fallen: u64, refused: u64 },
+    Clearing { edit: usize },
+    AirTemperature,
+    Collider { id: Arc<str>, created: bool },
+    Settings,
+    Stamp,
+}
+
+/// Continuous snowfall that has not been deposited yet, in quanta of one column.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Falling {
+    depth: f64,
+    mass: f64,
+}
+
+impl Falling {
+    /// Least depth that is deposited, h/256.
+    const LEAST: f64 = (CELL / 256) as f64;
+
+    /// Snow of a rate \[m/h\] over a time \[s\].
+    fn fall(&mut self, rate: f64, time: f64, density: f64, cell_size: f64) {
+        let depth = rate / 3600.0 * time;
+        self.depth += depth / cell_size * f64::from(CELL);
+        self.mass += depth * density * MASS_QUANTA;
+    }
+
+    /// Ticks of a length \[s\] until enough has fallen.
+    fn ticks_until_due(&self, rate: f64, dt: f64, cell_size: f64) -> u64 {
+        let per_tick = rate / 3600.0 * dt / cell_size * f64::from(CELL);
+        if per_tick <= 0.0 {
+            return u64::MAX;
+        }
+        ((Self::LEAST - self.depth) / per_tick).ceil().max(1.0) as u64
+    }
+
+    /// Whole quanta of depth and mass, once enough has fallen; fractions stay.
+    fn take(&mut self) -> Option<(u64, u64)> {
+        if self.depth < Self::LEAST || self.mass < 1.0 {
+            return None;
+        }
+        let taken = (self.depth.floor(), self.mass.floor());
+        self.depth -= taken.0;
+        self.mass -= taken.1;
+        Some((taken.0 as u64, taken.1 as u64))
+    }
+}
+
+impl Simulation {
+    /// A new session, with its first snow waiting for the next frame.
+    pub(super) fn new(session: Arc<Session>, slot: Slot, frame: u64) -> Simulation {
+        let spec = &session.spec;
+        let mut simulation = Simulation {
+            slot,
+            clock: Clock::new(spec.tick_rate, spec.time_scale),
+            frame,
+            owed: 0,
+            settings: spec.settings(),
+            material: spec.material,
+            colliders: BTreeMap::new(),
+            ledger: Ledger::default(),
+            falling: Falling::default(),
+            settled: spec.initial_snow.is_empty(),
+            still: false,
+            last_dt: None,
+            unpublished: true,
+            next: Orders::default(),
+            flight: Flight::default(),
+            step: None,
+            session: session.clone(),
+        };
+        simulation.lay_initial_snow();
+        simulation
+    }
+
+    fn lay_initial_snow(&mut self) {
+        let session = self.session.clone();
+        for layer in &session.spec.initial_snow {
+            let density = layer.density.unwrap_or(self.material.fresh_density);
+            let celsius = layer.temperature.unwrap_or(self.settings.air_temperature);
+            self.deposit(session.spec.grid.all(), layer.depth, density, celsius);
+            self.next.replies.push(Reply::Snowfall { edit: self.next.edits.len() - 1 });
+        }
+    }
+
+    /// Lets snow fall in the next frame.
+    pub(super) fn deposit(
+        &mut self,
+        columns: ColumnRect,
+        depth: f64,
+        density: f64,
+        celsius: f64,
+    ) -> ReplyKind {
+        let grid = self.session.spec.grid;
+        let mass = (depth * density * MASS_QUANTA).round() as u64;
+        self.deposit_quanta(columns, grid.thickness_quanta(depth), mass, celsius)
+    }
+
+    fn deposit_quanta(
+        &mut self,
+        columns: ColumnRect,
+        depth: u64,
+        mass: u64,
+        celsius: f64,
+    ) -> ReplyKind {
+        // No column takes more than all its slots; the rest is refused without asking.
+        let room = u64::from(self.session.spec.grid.height) * u64::from(CELL);
+        let (kept_depth, kept_mass) = if depth > room {
+            (room, (u128::from(mass) * u128::from(room) / u128::from(depth)) as u64)
+        } else {
+            (depth, mass)
+        };
+        let fallen = mass * columns.columns();
+        let refused = (mass - kept_mass) * columns.columns();
+        self.ledger.fallen += fallen;
+        self.ledger.refused += refused;
+        self.disturb();
+        self.next.edits.push(Edit::Deposit(Deposit {
+            columns,
+            depth: kept_depth as u32,
+            mass: kept_mass as u32,
+            temperature: celsius as f32,
+        }));
+        ReplyKind::Snowfall { edit: self.next.edits.len() - 1, fallen, refused }
+    }
+
+    /// Notes that something may move again.
+    pub(super) fn disturb(&mut self) {
+        self.settled = false;
+        self.still = false;
+    }
+
+    /// Notes that every tile has to be looked at again.
+    pub(super) fn wake(&mut self) {
+        self.still = false;
+        self.next.wake = true;
+    }
+
+    /// Back to the state it was created in. Seqs go on.
+    pub(super) fn reset(&mut self, answer: Answer<()>) {
+        let session = self.session.clone();
+        let spec: &SessionSpec = &session.spec;
+        self.clock = Clock::new(spec.tick_rate, spec.time_scale);
+        self.settings = spec.settings();
+        self.material = spec.material;
+        self.ledger = Ledger::default();
+        self.falling = Falling::default();
+        self.next.reset = Some(self.next.edits.len());
+        let removed = std::mem::take(&mut self.colliders).into_keys();
+        self.next.edits.extend(removed.map(|id| Edit::RemoveCollider { id }));
+        self.next.edits.push(Edit::Clear { columns: spec.grid.all(), depth: 0 });
+        self.next.edits.push(Edit::SetMaterial(spec.material));
+        self.disturb();
+        self.wake();
+        self.lay_initial_snow();
+        self.settled = spec.initial_snow.is_empty();
+        self.next.changed = true;
+        self.next.replies.push(Reply::Done(answer));
+    }
+
+    /// What the backend makes the snowpack with.
+    pub(super) fn layout(spec: &SessionSpec) -> Layout {
+        let ground = spec.terrain.as_ref().map(|terrain| {
+            let lowest = terrain.heights.iter().copied().fold(f64::INFINITY, f64::min);
+            let units = |height: f64| (spec.grid.thickness_quanta(height - lowest) >> 1) as u32;
+            terrain.heights.iter().map(|&height| units(height)).collect()
+        });
+        Layout { grid: spec.grid, material: spec.material, ground: ground.unwrap_or_default() }
+    }
+
+    /// Placement of an object, where its footprint lies inside the grid.
+    pub(super) fn placement(&self, collider: &Collider) -> Option<Arc<Placement>> {
+        let grid = &self.session.spec.grid;
+        let footprint = Footprint::new(grid, &collider.shape, collider.position)?;
+        Some(Arc::new(Placement { mass: collider.mass, footprint }))
+    }
+
+    /// Whether nothing can move in any later tick, so that ticks pass by themselves.
+    pub(super) fn is_resting(&self) -> bool {
+        self.still
+            && self.settings.snowfall_rate == 0.0
+            && self.clock.steady_cycle().is_none_or(|dt| Some(dt) == self.last_dt)
+    }
+
+    /// Whether the session wants to be in the coming frames.
+    pub(super) fn wants_frames(&self) -> bool {
+        self.has_orders() || self.unpublished || (!self.settings.paused && !self.is_resting())
+    }
+
+    /// Whether somebody waits for a frame.
+    pub(super) fn has_orders(&self) -> bool {
+        let next = &self.next;
+        self.step.is_some()
+            || self.owed > 0
+            || !next.edits.is_empty()
+            || !next.replies.is_empty()
+            || !next.gathers.is_empty()
+            || !next.tallies.is_empty()
+    }
+
+    /// Lets the ticks up to a frame pass, where nothing moves in them.
+    pub(super) fn catch_up(&mut self, frame: u64) {
+        if !self.settings.paused && self.is_resting() {
+            self.clock.pass(self.clock.ticks_between(self.frame, frame));
+            self.frame = frame;
+        }
+    }
+
+    /// What this session does in a frame; `None` for nothing.
+    ///
+    /// `publish` says whether publications are due that nobody asked for, `sleep` whether a
+    /// snowpack at rest may be left alone.
+    pub(super) fn plan(&mut self, frame: u64, publish: bool, sleep: bool) -> Option<Work> {
+        let clock_before = self.clock;
+        let mut advance = self.take_ticks(frame);
+        if advance.run.cycles > 0 {
+            if self.last_dt != Some(advance.run.dt) {
+                self.wake();
+                self.last_dt = Some(advance.run.dt);
+            }
+            if self.still && sleep {
+                advance.run = Run::default();
+            }
+        }
+        let run = advance.run;
+        self.unpublished |= advance.ticks > 0 || self.has_orders();
+        let mut orders = std::mem::take(&mut self.next);
+        let asked = !orders.replies.is_empty()
+            || !orders.gathers.is_empty()
+            || !orders.tallies.is_empty();
+        let publish = asked || (publish && self.unpublished);
+        if !publish && run.cycles == 0 && orders.edits.is_empty() {
+            self.next.wake |= orders.wake;
+            self.next.changed |= orders.changed;
+            return None;
+        }
+        let work = Work {
+            slot: self.slot,
+            edits: std::mem::take(&mut orders.edits),
+            wake: orders.wake,
+            run,
+            publish,
+            tally: !orders.tallies.is_empty(),
+            gather: orders.gathers.iter().flat_map(|(tiles, _)| tiles.iter().copied()).collect(),
+        };
+        self.flight = Flight {
+            orders,
+            advance,
+            clock_before: Some(clock_before),
+            publish,
+        };
+        Some(work)
+    }
+
+    /// Takes the ticks that a frame has for this session.
+    fn take_ticks(&mut self, frame: u64) -> Advance {
+        let (due, cycles) = if let Some(job) = &self.step {
+            (job.remaining(), job.slice)
+        } else if self.settings.paused {
+            (0, 0)
+        } else {
+            (self.owed + self.clock.ticks_between(self.frame, frame), u32::MAX)
+        };
+        self.frame = frame;
+        let grid = self.session.spec.grid;
+        let rate = self.settings.snowfall_rate;
+        let until_snow = self.falling.ticks_until_due(rate, self.clock.dt(), grid.cell_size);
+        let advance = self.clock.advance(due.min(until_snow), cycles);
+        self.owed = if self.step.is_none() { due - advance.ticks } else { 0 };
+        if rate > 0.0 && advance.ticks > 0 {
+            let time = advance.ticks as f64 * self.clock.dt();
+            self.falling.fall(rate, time, self.material.fresh_density, grid.cell_size);
+        }
+        advance
+    }
+
+    /// Deposits the continuous snowfall, once there is enough of it.
+    pub(super) fn deposit_falling(&mut self) {
+        if let Some((depth, mass)) = self.falling.take() {
+            let celsius = self.settings.air_temperature;
+            let all = self.session.spec.grid.all();
+            self.deposit_quanta(all, depth, mass, celsius);
+            self.next.replies.push(Reply::Snowfall { edit: self.next.edits.len() - 1 });
+        }
+    }
+
+    /// Takes in what a run found: whether the snow has settled, and since when.
+    pub(super) fn conclude_run(&mut self, last_change: u32) {
+        let flight = &self.flight;
+        if flight.advance.run.cycles == 0 {
+            self.advance_goal(flight.advance.ticks);
+            return;
+        }
+        let settled_after = flight.advance.settled_after(last_change);
+        self.settled = settled_after.is_some() && self.settings.snowfall_rate == 0.0;
+        self.still = settled_after.is_some() && !self.next.wake && self.next.edits.is_empty();
+        let mut ticks = flight.advance.ticks;
+        let waits = self.step.as_ref().is_some_and(|job| matches!(job.goal, Goal::Settled(_)));
+        if let (true, true, Some(reached), Some(mut clock)) =
+            (waits, self.settled, settled_after, flight.clock_before)
+        {
+            // The state has been the same since: only the clock has gone on.
+            clock.advance(reached, u32::MAX);
+            self.clock = clock;
+            ticks = reached;
+        }
+        self.advance_goal(ticks);
+    }
+
+    fn advance_goal(&mut self, ticks: u64) {
+        let (settled, paused) = (self.settled, self.settings.paused);
+        if let Some(job) = &mut self.step {
+            job.took(ticks);
+            if job.is_over(settled, paused) {
+                self.end_step();
+            }
+        }
+    }
+
+    /// Ends a step; its answer goes out with the next frame.
+    pub(super) fn end_step(&mut self) {
+        if let Some(job) = self.step.take() {
+            self.next.replies.push(Reply::Done(job.answer));
+        }
+    }
+
+    /// Events that an order told about when it was applied.
+    pub(super) fn event(&self, reply: &Applied, stamp: Stamp) -> Option<Event> {
+        match *reply {
+            Applied::Snowfall(reply) => Some(Event::Snowfall {
+                stamp,
+                fallen_mass: reply.fallen_mass,
+                refused_mass: reply.refused_mass,
+            }),
+            Applied::Clearing(reply) => {
+                Some(Event::Clearing { stamp, cleared_mass: reply.cleared_mass })
+            }
+            Applied::AirTemperature(_) => {
+                Some(Event::Settings { stamp, settings: self.settings })
+            }
+            Applied::Collider(_) | Applied::Stamp(_) => None,
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! Stepping a paused session as fast as the machine can, a slice in each frame.
+
+use std::time::Duration;
+
+use super::change::StepSpec;
+use super::clock::Clock;
+use super::error::{Check, SessionError};
+use super::simulation::Answer;
+
+/// Most ticks of one step.
+const MOST_TICKS: u64 = 1_000_000;
+
+/// Cycles of the first slice.
+const FIRST_SLICE: u32 = 8;
+
+/// Shortest and longest time a frame with a slice should take: others wait no longer than two.
+const SLICE_TIME: (Duration, Duration) = (Duration::from_millis(5), Duration::from_millis(11));
+
+/// A step under way.
+#[derive(Debug)]
+pub(super) struct StepJob {
+    pub goal: Goal,
+    pub answer: Answer<()>,
+    /// Cycles in one frame, about.
+    pub slice: u32,
+}
+
+/// When a step ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Goal {
+    /// After a number of ticks.
+    Ticks(u64),
+    /// When the snow has settled, or after a number of ticks.
+    Settled(u64),
+}
+
+impl Goal {
+    /// What a client asks for.
+    pub fn new(step: &StepSpec, clock: &Clock) -> Result<Goal, SessionError> {
+        let mut check = Check::default();
+        let kinds = [
+            step.ticks.is_some(),
+            step.seconds.is_some(),
+            step.until_settled == Some(true),
+        ];
+        if kinds.iter().filter(|&&given| given).count() != 1 {
+            check.reject("", "exactly one of 'ticks', 'seconds' and 'until_settled' is expected");
+        }
+        if step.max_seconds.is_some() != (step.until_settled == Some(true)) {
+            check.reject("/max_seconds", "goes together with 'until_settled', and only with it");
+        }
+        if let Some(ticks) = step.ticks {
+            check.range("/ticks", ticks as f64, 1.0, MOST_TICKS as f64, "ticks");
+        }
+        let most_seconds = MOST_TICKS as f64 * clock.dt();
+        for (pointer, seconds) in [("/seconds", step.seconds), ("/max_seconds", step.max_seconds)] {
+            let Some(seconds) = seconds else { continue };
+            if clock.dt() == 0.0 {
+                check.reject(pointer, "no time passes while 'time_scale' is 0; step by 'ticks'");
+            } else {
+                check.range(pointer, seconds, f64::MIN_POSITIVE, most_seconds, "s");
+            }
+        }
+        check.finish()?;
+        let ticks_in = |seconds: f64| (seconds / clock.dt() - 1e-9).ceil().max(1.0) as u64;
+        Ok(match (step.ticks, step.seconds, step.max_seconds) {
+            (Some(ticks), _, _) => Goal::Ticks(ticks),
+            (_, Some(seconds), _) => Goal::Ticks(ticks_in(seconds)),
+            (_, _, seconds) => Goal::Settled(ticks_in(seconds.unwrap_or_default())),
+        })
+    }
+}
+
+impl StepJob {
+    /// A step that begins.
+    pub fn new(goal: Goal, answer: Answer<()>) -> StepJob {
+        StepJob { goal, answer, slice: FIRST_SLICE }
+    }
+
+    /// Ticks it may still take.
+    pub fn remaining(&self) -> u64 {
+        match self.goal {
+            Goal::Ticks(ticks) | Goal::Settled(ticks) => ticks,
+        }
+    }
+
+    /// Notes that ticks were taken.
+    pub fn took(&mut self, ticks: u64) {
+        match &mut self.goal {
+            Goal::Ticks(left) | Goal::Settled(left) => *left = left.saturating_sub(ticks),
+        }
+    }
+
+    /// Whether there is nothing more to do.
+    pub fn is_over(&self, settled: bool, paused: bool) -> bool {
+        self.remaining() == 0
+            || !paused
+            || self.answer.is_closed()
+            || (settled && matches!(self.goal, Goal::Settled(_)))
+    }
+
+    /// Fits the next slice to the time that a frame with the last one took.
+    pub fn fit(&mut self, frame: Duration) {
+        if frame < SLICE_TIME.0 {
+            self.slice = self.slice.saturating_mul(2);
+        } else if frame > SLICE_TIME.1 {
+            self.slice = (self.slice / 2).max(1);
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! Secrets that let a client at one session.
+
+/// The secrets of a new session, told once.
+#[derive(Clone, Debug)]
+pub struct Tokens {
+    /// Allows everything about the session.
+    pub token: String,
+    /// Allows its reads and streams.
+    pub viewer_token: String,
+}
+
+/// What the server keeps of a session's secrets.
+#[derive(Clone, Copy, Debug)]
+pub struct TokenHashes {
+    /// Hash of the token that allows everything.
+    pub token: blake3::Hash,
+    /// Hash of the token that allows reads and streams.
+    pub viewer_token: blake3::Hash,
+}
+
+impl Tokens {
+    /// New secrets of 256 random bits each.
+    ///
+    /// # Errors
+    /// Where the operating system has no random numbers.
+    pub fn generate() -> Result<Tokens, getrandom::Error> {
+        let secret = || {
+            let mut bytes = [0; 32];
+            getrandom::fill(&mut bytes)?;
+            Ok(blake3::Hash::from_bytes(bytes).to_hex().to_string())
+        };
+        Ok(Tokens { token: secret()?, viewer_token: secret()? })
+    }
+
+    /// Their hashes.
+    pub fn hashes(&self) -> TokenHashes {
+        TokenHashes {
+            token: blake3::hash(self.token.as_bytes()),
+            viewer_token: blake3::hash(self.viewer_token.as_bytes()),
+        }
+    }
+}

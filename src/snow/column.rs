@@ -1,0 +1,259 @@
+//! A column of snow: a stack of material cells that loads press and compact.
+//!
+//! Masses and thicknesses are integers, so that sums are exact; what happens in a cell in one cycle
+//! is computed in f32, as on the GPU.
+
+use super::grid::{CELL, Grid};
+use super::material::{GRAVITY, LoadDistribution, Material, REFERENCE_CELL_SIZE};
+use super::recut::recut;
+
+/// One mass quantum \[kg/m²\].
+const MASS_QUANTUM: f32 = 1.0 / (1 << 18) as f32;
+
+/// Largest difference in temperature \[°C\] at which fresh snow tops up the cell below.
+const TOP_UP_TEMPERATURE: f32 = 0.25;
+
+/// Part of its thickness by which a cell is compacted in one cycle at the most.
+const LARGEST_INDENT: f32 = 0.99;
+
+/// A piece of snow. In a column its mass and its thickness are never 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cell {
+    /// Areal mass in quanta.
+    pub mass: u32,
+    /// Thickness in quanta, at most [`CELL`].
+    pub thickness: u32,
+    /// Temperature \[°C\].
+    pub temperature: f32,
+    /// Vertical stress σ \[Pa\], as last evaluated.
+    pub stress: f32,
+}
+
+/// The load of one object on a column's surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceLoad {
+    /// Surface stress q·s on this column \[Pa\].
+    pub pressure: f32,
+    /// Width b over which the load spreads \[m\], above 0.
+    pub width: f32,
+}
+
+/// A stack of cells, from the ground up.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Column {
+    /// The cells, without gaps.
+    pub cells: Vec<Cell>,
+}
+
+/// Snow that is still to be laid on a column.
+struct Fall {
+    mass: u32,
+    depth: u32,
+    /// Mass of a full cell of this snow.
+    share: u64,
+    temperature: f32,
+}
+
+impl Fall {
+    /// Takes off a piece of a thickness, and returns its mass.
+    fn take(&mut self, thickness: u32) -> u32 {
+        let mass = if thickness == self.depth {
+            self.mass
+        } else {
+            // A piece's share of the mass is part of the mass, which fits 32 bits.
+            (self.share * u64::from(thickness) / u64::from(CELL)) as u32
+        };
+        self.depth -= thickness;
+        self.mass -= mass;
+        mass
+    }
+}
+
+impl Column {
+    /// Height in thickness quanta.
+    pub fn height(&self) -> u32 {
+        self.cells.iter().map(|cell| cell.thickness).sum()
+    }
+
+    /// Areal mass in quanta.
+    pub fn mass(&self) -> u32 {
+        self.cells.iter().map(|cell| cell.mass).sum()
+    }
+
+    /// Lays snow of a mass and a depth, both in quanta, on top; returns the mass that did not fit
+    /// in the column's slots.
+    pub fn deposit(&mut self, slots: u32, mass: u32, depth: u32, temperature: f32) -> u32 {
+        if depth == 0 {
+            return mass;
+        }
+        let share = u64::from(mass) * u64::from(CELL) / u64::from(depth);
+        let mut fall = Fall { mass, depth, share, temperature };
+        self.top_up(&mut fall);
+        self.open_cells(&mut fall, slots);
+        if fall.depth > 0 {
+            recut(&mut self.cells);
+            self.open_cells(&mut fall, slots);
+        }
+        fall.mass
+    }
+
+    /// Fills the top cell up to full thickness where it is much like the snow that falls.
+    fn top_up(&mut self, fall: &mut Fall) {
+        let Some(top) = self.cells.last_mut() else { return };
+        let like = fall.share.saturating_mul(u64::from(top.thickness));
+        let same_density =
+            (u64::from(top.mass) * u64::from(CELL)).abs_diff(like).saturating_mul(20) <= like;
+        let same_temperature = (top.temperature - fall.temperature).abs() <= TOP_UP_TEMPERATURE;
+        if top.thickness >= CELL || !same_density || !same_temperature {
+            return;
+        }
+        let thickness = fall.depth.min(CELL - top.thickness);
+        let mass = fall.take(thickness);
+        top.temperature = mixed(top.temperature, top.mass, fall.temperature, mass);
+        top.mass += mass;
+        top.thickness += thickness;
+    }
+
+    /// Opens full cells, the last one thinner, as long as there are slots.
+    fn open_cells(&mut self, fall: &mut Fall, slots: u32) {
+        while fall.depth > 0 && self.cells.len() < slots as usize {
+            let thickness = fall.depth.min(CELL);
+            let mut mass = fall.take(thickness);
+            if mass == 0 {
+                // Too thin a rest to have a quantum of mass of its own.
+                match self.cells.last_mut() {
+                    Some(below) if below.mass > 1 => below.mass -= 1,
+                    _ => {
+                        fall.depth = 0;
+                        return;
+                    }
+                }
+                mass = 1;
+            }
+            let temperature = fall.temperature;
+            self.cells.push(Cell { mass, thickness, temperature, stress: 0.0 });
+        }
+    }
+
+    /// Removes what is above a depth in quanta; returns the mass removed. The cell that is cut
+    /// keeps its part of the mass, rounded down, and goes whole where that is nothing.
+    pub fn clear(&mut self, depth: u32) -> u32 {
+        let mut left = depth;
+        let mut cleared = 0;
+        self.cells.retain_mut(|cell| {
+            let kept = cell.thickness.min(left);
+            left -= kept;
+            let part = u64::from(cell.mass) * u64::from(kept) / u64::from(cell.thickness);
+            // A part of a 32-bit mass.
+            let mass = part as u32;
+            cleared += cell.mass - mass;
+            cell.mass = mass;
+            cell.thickness = kept;
+            mass > 0
+        });
+        cleared
+    }
+
+    /// Evaluates the stress of every cell from the snow above it and the loads on the surface;
+    /// returns whether any bit of it has changed.
+    pub fn stress(&mut self, grid: &Grid, material: &Material, loads: &[SurfaceLoad]) -> bool {
+        let metres = grid.cell_size as f32 / CELL as f32;
+        let (mut mass, mut above) = (0_u32, 0_u32);
+        let mut changed = false;
+        for (rank, cell) in self.cells.iter_mut().rev().enumerate() {
+            mass += cell.mass;
+            let weight = GRAVITY as f32 * (mass as f32 * MASS_QUANTUM);
+            let depth = (above as f32 + 0.5 * cell.thickness as f32) * metres;
+            let external = loads.iter().fold(0.0, |sum, load| {
+                let part = spread(material.load_distribution, depth, load.width, rank == 0);
+                sum + load.pressure * part
+            });
+            let stress = weight + external;
+            changed |= stress.to_bits() != cell.stress.to_bits();
+            cell.stress = stress;
+            above += cell.thickness;
+        }
+        changed
+    }
+
+    /// Runs a number of cycles of `dt` seconds each under the present stress; returns 1 + the
+    /// index of the last cycle in which a cell changed, 0 where none did.
+    pub fn compact(&mut self, grid: &Grid, material: &Material, cycles: u32, dt: f32) -> u32 {
+        let law = Compaction::new(grid, material, dt);
+        self.cells.iter_mut().map(|cell| law.run(cell, cycles)).max().unwrap_or(0)
+    }
+}
+
+/// Temperature of snow to which other snow is added; the two have mass between them.
+pub(super) fn mixed(temperature: f32, mass: u32, other: f32, added: u32) -> f32 {
+    temperature + (other - temperature) * (added as f32 / (mass as f32 + added as f32))
+}
+
+/// Part of a surface load that is felt at a depth \[m\], for a load of a width \[m\].
+fn spread(distribution: LoadDistribution, depth: f32, width: f32, top: bool) -> f32 {
+    match distribution {
+        LoadDistribution::TwoToOne => {
+            let ratio = width / (width + depth);
+            ratio * ratio
+        }
+        LoadDistribution::Uniform => 1.0,
+        LoadDistribution::Surface if top => 1.0,
+        LoadDistribution::Surface => 0.0,
+    }
+}
+
+/// The law by which a cell compacts, with its constants for one grid, material and Δt.
+struct Compaction<'a> {
+    material: &'a Material,
+    /// Density \[kg/m³\] of one mass quantum in one thickness quantum.
+    density: f32,
+    /// Thickness quanta of one mass quantum at the largest density.
+    densest: f32,
+    /// Δt / h_ref \[s/m\].
+    rate: f32,
+}
+
+impl Compaction<'_> {
+    fn new<'a>(grid: &Grid, material: &'a Material, dt: f32) -> Compaction<'a> {
+        // Quanta of thickness are 2⁶ times as fine as those of mass.
+        let density = 64.0 / grid.cell_size;
+        Compaction {
+            material,
+            density: density as f32,
+            densest: (density / material.max_density) as f32,
+            rate: dt / REFERENCE_CELL_SIZE as f32,
+        }
+    }
+
+    /// Compacts a cell for a number of cycles; returns how many of them changed it. Stress is
+    /// constant, so a cell that one cycle leaves as it was is left so by all that follow.
+    fn run(&self, cell: &mut Cell, cycles: u32) -> u32 {
+        let mass = cell.mass as f32;
+        let densest = (mass * self.densest).ceil() as u32;
+        for cycle in 0..cycles {
+            let indent = self.indent(cell, mass);
+            let least = densest.min(cell.thickness).max(1);
+            let thickness = (cell.thickness - indent).max(least);
+            if thickness == cell.thickness {
+                return cycle;
+            }
+            cell.thickness = thickness;
+        }
+        cycles
+    }
+
+    /// Indent of one cycle in thickness quanta, rounded down.
+    fn indent(&self, cell: &Cell, mass: f32) -> u32 {
+        let thickness = cell.thickness as f32;
+        let density = mass / thickness * self.density;
+        let excess = cell.stress - self.material.hardness(density, cell.temperature);
+        if excess <= 0.0 {
+            return 0;
+        }
+        let indent = excess / self.material.stiffness(density) * self.rate * thickness;
+        indent.min(LARGEST_INDENT * thickness) as u32
+    }
+}
+
+#[cfg(test)]
+mod tests;

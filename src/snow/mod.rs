@@ -1,0 +1,23 @@
+//! The physics of the snowpack in plain Rust: the reference that every kernel is tested against.
+//!
+//! It knows no GPU and no network. `docs/model.md` holds the equations.
+
+mod collider;
+mod column;
+mod grid;
+mod material;
+mod recut;
+mod snowpack;
+
+pub use collider::{
+    CONTACT_DEPTH, Contact, Footprint, Position, Shape, elevation, share, share_units,
+};
+pub use column::{Cell, Column, SurfaceLoad};
+pub use grid::{
+    CELL, ColumnRect, Grid, MASS_QUANTA, MAX_COLUMN_MASS, MAX_TERRAIN_CELLS, TILE_COLUMNS,
+    TILE_SIDE,
+};
+pub use material::{
+    GRAVITY, HardnessLaw, LoadDistribution, Material, REFERENCE_CELL_SIZE, gold_prefactor,
+};
+pub use snowpack::Snowpack;

@@ -1,0 +1,258 @@
+//! A whole snowpack: its columns in tiles, the objects on it, and which tiles are at rest.
+
+mod tile;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::collider::{Contact, Footprint};
+use super::column::Column;
+use super::grid::{ColumnRect, Grid, TILE_COLUMNS};
+use super::material::Material;
+use tile::Tile;
+
+/// An object on the snow.
+#[derive(Clone, Debug)]
+struct Collider {
+    mass: f64,
+    footprint: Footprint,
+    /// Tile of each column of the footprint, and the column's index in it.
+    columns: Vec<(usize, usize)>,
+    /// Tiles of the footprint.
+    tiles: Vec<usize>,
+    contact: Contact,
+    /// Contact has never been evaluated since the object was put where it is.
+    placed: bool,
+    /// The object or its contact is not what the stresses below it were evaluated for.
+    changed: bool,
+}
+
+/// A snowpack stepped by the plain-Rust columns.
+///
+/// Tiles in which nothing moves sleep, and objects on them are not evaluated. That saves work and
+/// changes nothing else: `always_awake` gives the same bits.
+#[derive(Clone, Debug)]
+pub struct Snowpack {
+    grid: Grid,
+    material: Material,
+    tiles: Vec<Tile>,
+    colliders: BTreeMap<Arc<str>, Collider>,
+    /// Δt of the last run \[s\].
+    dt: f64,
+    always_awake: bool,
+}
+
+impl Snowpack {
+    /// A snowpack without snow. `ground` holds the ground elevation of each column in elevation
+    /// units, row by row; where it is shorter than the grid, the ground is at 0.
+    pub fn new(grid: Grid, material: Material, ground: &[u32], always_awake: bool) -> Snowpack {
+        let tiles = (0..grid.tiles()).map(|tile| Tile::new(&grid, tile, ground)).collect();
+        Snowpack { grid, material, tiles, colliders: BTreeMap::new(), dt: 0.0, always_awake }
+    }
+
+    /// Lays snow of a depth and an areal mass, both in quanta, on every column of a rectangle;
+    /// returns the mass quanta refused.
+    pub fn deposit(&mut self, rect: ColumnRect, depth: u32, mass: u32, temperature: f32) -> u64 {
+        let slots = self.grid.height;
+        self.edit(rect, |column| column.deposit(slots, mass, depth, temperature))
+    }
+
+    /// Removes what is above a depth in quanta; returns the mass quanta removed.
+    pub fn clear(&mut self, rect: ColumnRect, depth: u32) -> u64 {
+        self.edit(rect, |column| column.clear(depth))
+    }
+
+    fn edit(&mut self, rect: ColumnRect, change: impl Fn(&mut Column) -> u32 + Sync) -> u64 {
+        self.tiles.par_iter_mut().map(|tile| tile.edit(rect, &change)).sum()
+    }
+
+    /// Puts an object on the snow, or replaces the one of that id. Where it is `placed`, the
+    /// depth that it has sunk is counted from here.
+    pub fn put_collider(&mut self, id: Arc<str>, mass: f64, footprint: Footprint, placed: bool) {
+        let columns = footprint.iter().map(|(x, z)| {
+            let (tile, column) = self.grid.locate(x, z);
+            (tile as usize, column as usize)
+        });
+        let columns = columns.collect();
+        let tiles = footprint.tiles(&self.grid).into_iter().map(|tile| tile as usize).collect();
+        let old = self.take_collider(&id).filter(|_| !placed);
+        let collider = Collider {
+            mass,
+            footprint,
+            columns,
+            tiles,
+            placed: old.as_ref().is_none_or(|old| old.placed),
+            contact: old.map(|old| old.contact).unwrap_or_default(),
+            changed: true,
+        };
+        self.colliders.insert(id, collider);
+        self.list_loads();
+    }
+
+    /// Takes an object away.
+    pub fn remove_collider(&mut self, id: &str) {
+        self.take_collider(id);
+        self.list_loads();
+    }
+
+    /// Takes an object out and marks the tiles that it stood on.
+    fn take_collider(&mut self, id: &str) -> Option<Collider> {
+        let collider = self.colliders.remove(id)?;
+        for &tile in &collider.tiles {
+            self.tiles[tile].stale = true;
+        }
+        Some(collider)
+    }
+
+    /// Lists for each tile the objects on it, in ascending order of ids.
+    fn list_loads(&mut self) {
+        for tile in &mut self.tiles {
+            tile.loads.clear();
+        }
+        for (index, collider) in self.colliders.values().enumerate() {
+            for &tile in &collider.tiles {
+                self.tiles[tile].loads.push(index);
+            }
+        }
+    }
+
+    /// Gives the snow other constants, and wakes every tile.
+    pub fn set_material(&mut self, material: Material) {
+        self.material = material;
+        for tile in &mut self.tiles {
+            tile.stale = true;
+        }
+        self.wake();
+    }
+
+    /// Wakes every tile.
+    pub fn wake(&mut self) {
+        for tile in &mut self.tiles {
+            tile.awake = true;
+        }
+    }
+
+    /// Evaluates contacts, and the stresses that have changed. It is due after edits; `run` does
+    /// it before every cycle. Returns whether a contact is not what it was before.
+    pub fn evaluate(&mut self) -> bool {
+        let (tiles, always) = (&self.tiles, self.always_awake);
+        for collider in self.colliders.values_mut() {
+            if always || collider.changed || collider.tiles.iter().any(|&tile| tiles[tile].moved) {
+                collider.evaluate(tiles);
+            } else {
+                collider.contact.resting = true;
+            }
+        }
+        let colliders: Vec<&Collider> = self.colliders.values().collect();
+        let (grid, material) = (&self.grid, &self.material);
+        self.tiles.par_iter_mut().for_each(|tile| {
+            let changed = tile.loads.iter().any(|&load| colliders[load].changed);
+            if always || tile.stale || changed || (tile.moved && !tile.loads.is_empty()) {
+                tile.stress(grid, material, &colliders);
+            }
+            tile.moved = false;
+        });
+        let mut restless = false;
+        for collider in self.colliders.values_mut() {
+            collider.changed = false;
+            restless |= !collider.contact.resting;
+        }
+        restless
+    }
+
+    /// Runs a number of cycles of `dt` seconds each; returns 1 + the index of the last cycle in
+    /// which a cell changed, 0 where none did.
+    pub fn run(&mut self, cycles: u32, dt: f64) -> u32 {
+        if cycles == 0 {
+            return 0;
+        }
+        if dt != self.dt {
+            // What rests in short cycles may move in longer ones.
+            self.dt = dt;
+            self.wake();
+        }
+        let mut last = 0;
+        let mut restless = self.evaluate();
+        last = last.max(self.compact(false, cycles));
+        for cycle in 0..cycles {
+            if cycle > 0 {
+                restless = self.evaluate();
+            }
+            let moved = self.compact(true, 1) > 0;
+            if moved {
+                last = last.max(cycle + 1);
+            }
+            if !moved && !restless && !self.always_awake {
+                break;
+            }
+        }
+        last
+    }
+
+    /// Compacts the tiles that carry objects, or those that do not.
+    fn compact(&mut self, loaded: bool, cycles: u32) -> u32 {
+        let (grid, material, always) = (&self.grid, &self.material, self.always_awake);
+        let dt = self.dt as f32;
+        let due = |tile: &Tile| (always || tile.awake) && tile.loads.is_empty() != loaded;
+        let tiles = self.tiles.par_iter_mut().filter(|tile| due(tile));
+        tiles.map(|tile| tile.compact(grid, material, cycles, dt)).max().unwrap_or(0)
+    }
+
+    /// Size of the grid.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Column (x, z), which must be inside the grid.
+    pub fn column(&self, x: u32, z: u32) -> &Column {
+        let (tile, column) = self.grid.locate(x, z);
+        &self.tiles[tile as usize].columns[column as usize]
+    }
+
+    /// The 64 columns of a tile, those outside the grid empty; `None` where there is no such tile.
+    pub fn tile(&self, tile: u32) -> Option<&[Column]> {
+        self.tiles.get(tile as usize).map(|tile| tile.columns.as_slice())
+    }
+
+    /// Tiles that are awake.
+    pub fn active_tiles(&self) -> u32 {
+        self.tiles.iter().filter(|tile| tile.awake).count() as u32
+    }
+
+    /// The tiles that have changed since this was last asked, with their columns' heights in
+    /// quanta. All tiles of a new snowpack count as changed.
+    pub fn take_dirty(&mut self) -> impl Iterator<Item = (u32, [u32; TILE_COLUMNS as usize])> {
+        self.tiles.iter_mut().zip(0..).filter_map(|(tile, index)| {
+            std::mem::take(&mut tile.dirty).then_some((index, tile.heights))
+        })
+    }
+
+    /// Contacts as last evaluated, in ascending order of ids.
+    pub fn contacts(&self) -> impl Iterator<Item = (&Arc<str>, &Contact)> {
+        self.colliders.iter().map(|(id, collider)| (id, &collider.contact))
+    }
+
+    /// Present mass: the sum of all cells, in quanta.
+    pub fn mass(&self) -> u64 {
+        let columns = self.tiles.iter().flat_map(|tile| &tile.columns);
+        columns.map(|column| u64::from(column.mass())).sum()
+    }
+}
+
+impl Collider {
+    /// Evaluates contact with the columns as they are.
+    fn evaluate(&mut self, tiles: &[Tile]) {
+        let elevations = self.columns.iter().map(|&(tile, column)| tiles[tile].elevation(column));
+        let old = self.contact;
+        let mut new = Contact::evaluate(&self.footprint, self.mass, elevations);
+        if !self.placed {
+            new.reference = old.reference;
+            new.resting = new.bottom == old.bottom && new.support == old.support;
+        }
+        self.placed = false;
+        self.changed |= !new.resting;
+        self.contact = new;
+    }
+}

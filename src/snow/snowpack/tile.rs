@@ -1,0 +1,122 @@
+//! A tile of 8 × 8 columns: what is edited, stressed, compacted and put to sleep together.
+
+use super::Collider;
+use crate::snow::collider::{Footprint, elevation, share};
+use crate::snow::column::{Column, SurfaceLoad};
+use crate::snow::grid::{ColumnRect, Grid, TILE_COLUMNS, TILE_SIDE};
+use crate::snow::material::Material;
+
+const COLUMNS: usize = TILE_COLUMNS as usize;
+
+/// A tile's columns and what is known about them.
+#[derive(Clone, Debug)]
+pub(super) struct Tile {
+    /// The columns inside the grid.
+    rect: ColumnRect,
+    /// All columns, row by row; those outside the grid stay empty.
+    pub columns: Vec<Column>,
+    /// Ground elevation of each column in elevation units.
+    ground: [u32; COLUMNS],
+    /// Height of each column in quanta.
+    pub heights: [u32; COLUMNS],
+    /// Objects that stand on the tile: indices in ascending order of ids.
+    pub loads: Vec<usize>,
+    /// Whether a cell may change in the next cycle.
+    pub awake: bool,
+    /// Changed since it was last reported.
+    pub dirty: bool,
+    /// Heights have changed since contacts were last evaluated.
+    pub moved: bool,
+    /// Stresses are to be evaluated anew: masses or the objects on the tile have changed.
+    pub stale: bool,
+}
+
+impl Tile {
+    pub fn new(grid: &Grid, tile: u32, ground: &[u32]) -> Tile {
+        let rect = grid.tile_rect(tile);
+        let mut elevations = [0; COLUMNS];
+        for (x, z) in positions(rect) {
+            let index = z as usize * grid.width as usize + x as usize;
+            elevations[column_index(x, z)] = ground.get(index).copied().unwrap_or(0);
+        }
+        Tile {
+            rect,
+            columns: vec![Column::default(); COLUMNS],
+            ground: elevations,
+            heights: [0; COLUMNS],
+            loads: Vec::new(),
+            awake: false,
+            dirty: true,
+            moved: false,
+            stale: false,
+        }
+    }
+
+    /// Elevation of a column's surface in elevation units.
+    pub fn elevation(&self, column: usize) -> u32 {
+        elevation(self.ground[column], self.heights[column])
+    }
+
+    /// Changes the columns inside a rectangle; returns the sum of what `change` returns.
+    pub fn edit(&mut self, rect: ColumnRect, change: impl Fn(&mut Column) -> u32) -> u64 {
+        let mut total = 0;
+        for (x, z) in positions(self.rect).filter(|&(x, z)| rect.contains(x, z)) {
+            let index = column_index(x, z);
+            let column = &mut self.columns[index];
+            total += u64::from(change(column));
+            self.heights[index] = column.height();
+            (self.awake, self.dirty, self.moved, self.stale) = (true, true, true, true);
+        }
+        total
+    }
+
+    /// Evaluates stresses, and wakes the tile where one has changed.
+    pub fn stress(&mut self, grid: &Grid, material: &Material, colliders: &[&Collider]) {
+        let mut loads = Vec::with_capacity(self.loads.len());
+        for (x, z) in positions(self.rect) {
+            let index = column_index(x, z);
+            let surface = self.elevation(index);
+            let standing = self.loads.iter().map(|&load| colliders[load]);
+            loads.clear();
+            loads.extend(standing.filter(|c| covers(&c.footprint, x, z)).map(|collider| {
+                let contact = &collider.contact;
+                let pressure = contact.pressure * share(contact.bottom, surface);
+                SurfaceLoad { pressure, width: contact.area.sqrt() }
+            }));
+            self.awake |= self.columns[index].stress(grid, material, &loads);
+        }
+        self.stale = false;
+    }
+
+    /// Compacts every column; returns 1 + the index of the last cycle in which a cell changed, and
+    /// goes to sleep where that was not the very last one.
+    pub fn compact(&mut self, grid: &Grid, material: &Material, cycles: u32, dt: f32) -> u32 {
+        let mut last = 0;
+        for (column, height) in self.columns.iter_mut().zip(&mut self.heights) {
+            let changed = column.compact(grid, material, cycles, dt);
+            if changed > 0 {
+                *height = column.height();
+                (self.dirty, self.moved) = (true, true);
+            }
+            last = last.max(changed);
+        }
+        self.awake = last == cycles;
+        last
+    }
+}
+
+/// Every column (x, z) of a rectangle, row by row.
+fn positions(rect: ColumnRect) -> impl Iterator<Item = (u32, u32)> {
+    (rect.z0..rect.z1).flat_map(move |z| (rect.x0..rect.x1).map(move |x| (x, z)))
+}
+
+/// Index of column (x, z) in its tile.
+fn column_index(x: u32, z: u32) -> usize {
+    (z % TILE_SIDE * TILE_SIDE + x % TILE_SIDE) as usize
+}
+
+/// Whether a footprint covers column (x, z).
+fn covers(footprint: &Footprint, x: u32, z: u32) -> bool {
+    let row = z.checked_sub(footprint.z0).and_then(|row| footprint.spans.get(row as usize));
+    row.is_some_and(|&(x0, x1)| (x0..x1).contains(&x))
+}

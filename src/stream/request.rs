@@ -1,0 +1,218 @@
+//! What clients send: JSON text, read into requests. No I/O.
+
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
+
+use crate::problem::{self, Problem};
+use crate::session::{
+    AirTemperature, Change, Clearing, ColliderBatch, ColliderSpec, SettingsPatch, Snowfall,
+};
+
+/// Every `op` that a client can send.
+const OPS: &str = "subscribe, update, unsubscribe, ping, snowfall, clearing, air_temperature, set, \
+                   collider.put, collider.delete, colliders.batch";
+
+/// What a client asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// To be answered by the stream itself.
+    Control(Control),
+    /// A change of the session.
+    Change {
+        /// The client's number for it.
+        id: i64,
+        /// The change.
+        change: Change,
+        /// JSON pointer to the part of the message that holds the change.
+        at: &'static str,
+    },
+}
+
+/// A request about the stream itself.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Control {
+    /// Begins a subscription, or replaces the one of the same id.
+    Subscribe(i64, Subscribe),
+    /// Moves a subscription.
+    Update(i64, Update),
+    /// Ends a subscription.
+    Unsubscribe(i64),
+    /// Asks for a sign of life.
+    Ping(Option<i64>),
+}
+
+/// What a subscription wants.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Subscribe {
+    /// Columns wanted; the whole grid where there is none.
+    pub region: Option<ColumnRegion>,
+    /// Every how many columns one is sent: 1, 2, 4 or 8.
+    pub stride: u32,
+    /// Most messages per second \[Hz\], 0.1 to 60.
+    pub max_rate: f64,
+    /// Step that heights are rounded to \[m\], 0.0001 to 1.
+    pub quantum: f64,
+    /// Whether colliders are wanted.
+    pub colliders: bool,
+    /// State up to which the client has seen everything.
+    pub resume: Option<Resume>,
+}
+
+impl Default for Subscribe {
+    fn default() -> Self {
+        Subscribe {
+            region: None,
+            stride: 1,
+            max_rate: 20.0,
+            quantum: 0.001,
+            colliders: false,
+            resume: None,
+        }
+    }
+}
+
+/// Names a state that a client has.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Resume {
+    /// Epoch of the session.
+    pub epoch: String,
+    /// Newest seq that the client has seen.
+    pub seq: u64,
+}
+
+/// Where a subscription moves to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Update {
+    /// Columns wanted; the whole grid where there is none.
+    pub region: Option<ColumnRegion>,
+}
+
+/// A rectangle of columns. It may reach beyond the grid, but has to meet it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ColumnRegion {
+    /// First column along x.
+    pub column_x: i64,
+    /// First column along z.
+    pub column_z: i64,
+    /// Columns along x, at least 1.
+    pub width: u64,
+    /// Columns along z, at least 1.
+    pub depth: u64,
+}
+
+/// A message that can't be accepted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refusal {
+    /// The client's number for it, where it could be read.
+    pub id: Option<i64>,
+    /// What is wrong with it.
+    pub problem: Problem,
+}
+
+/// Body of an operation that has no fields.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Nothing {}
+
+/// Body of `collider.put`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PutCollider {
+    collider: ColliderSpec,
+}
+
+/// Body of `collider.delete`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DeleteCollider {
+    collider: String,
+}
+
+impl Request {
+    /// Reads a message.
+    ///
+    /// # Errors
+    /// Says what is wrong with it: 400 where it is not JSON, 422 where a field is.
+    pub fn parse(text: &str) -> Result<Request, Refusal> {
+        let refuse = |id| move |problem| Refusal { id, problem };
+        let mut fields: Map<String, Value> =
+            problem::parse(text.as_bytes()).map_err(refuse(None))?;
+        let id = take_id(&mut fields).map_err(refuse(None))?;
+        let op = take_op(&mut fields).map_err(refuse(id))?;
+        read(&op, id, fields).map_err(refuse(id))
+    }
+}
+
+fn take_id(fields: &mut Map<String, Value>) -> Result<Option<i64>, Problem> {
+    match fields.remove("id") {
+        None => Ok(None),
+        Some(id) => id.as_i64().map(Some).ok_or_else(|| {
+            Problem::invalid_field("/id", "expected a whole number of at most 64 bits")
+        }),
+    }
+}
+
+fn take_op(fields: &mut Map<String, Value>) -> Result<String, Problem> {
+    match fields.remove("op") {
+        Some(Value::String(op)) => Ok(op),
+        None => Err(Problem::invalid_field("/op", format!("is missing; known are {OPS}"))),
+        Some(_) => Err(Problem::invalid_field("/op", "expected a string")),
+    }
+}
+
+fn read(op: &str, id: Option<i64>, fields: Map<String, Value>) -> Result<Request, Problem> {
+    if op == "ping" {
+        let Nothing {} = body(fields)?;
+        return Ok(Request::Control(Control::Ping(id)));
+    }
+    let numbered = || {
+        id.ok_or_else(|| {
+            Problem::invalid_field("/id", "is missing; the answer repeats it to say what it is to")
+        })
+    };
+    let change = |change, at| Ok(Request::Change { id: numbered()?, change, at });
+    let control = match op {
+        "subscribe" => Control::Subscribe(numbered()?, body(fields)?),
+        "update" => Control::Update(numbered()?, body(fields)?),
+        "unsubscribe" => {
+            let Nothing {} = body(fields)?;
+            Control::Unsubscribe(numbered()?)
+        }
+        "snowfall" => return change(Change::Snowfall(body::<Snowfall>(fields)?), ""),
+        "clearing" => return change(Change::Clearing(body::<Clearing>(fields)?), ""),
+        "air_temperature" => {
+            return change(Change::AirTemperature(body::<AirTemperature>(fields)?), "");
+        }
+        "set" => return change(Change::Settings(body::<SettingsPatch>(fields)?), ""),
+        "collider.put" => {
+            let put: PutCollider = body(fields)?;
+            return change(Change::PutCollider(put.collider), "/collider");
+        }
+        "collider.delete" => {
+            let delete: DeleteCollider = body(fields)?;
+            return change(Change::DeleteCollider { id: delete.collider }, "/collider");
+        }
+        "colliders.batch" => return change(Change::Colliders(body::<ColliderBatch>(fields)?), ""),
+        other => {
+            let shown: String = other.chars().take(64).collect();
+            let detail = format!("'{shown}' is no op; known are {OPS}");
+            return Err(Problem::invalid_field("/op", detail));
+        }
+    };
+    Ok(Request::Control(control))
+}
+
+/// Reads what is left of a message beside `op` and `id`.
+fn body<T: DeserializeOwned>(fields: Map<String, Value>) -> Result<T, Problem> {
+    let bytes = serde_json::to_vec(&fields)
+        .map_err(|error| Problem::internal(format!("the message can't be repeated: {error}")))?;
+    problem::parse(&bytes)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,121 @@
+use super::*;
+use crate::snow::{Position, Shape};
+
+fn refused(text: &str) -> (Option<i64>, u16, String) {
+    let Err(refusal) = Request::parse(text) else { panic!("{text} was accepted") };
+    let pointer = refusal.problem.errors.first().map(|error| error.pointer.clone());
+    (refusal.id, refusal.problem.status, pointer.unwrap_or_default())
+}
+
+fn at(id: Option<i64>, status: u16, pointer: &str) -> (Option<i64>, u16, String) {
+    (id, status, pointer.to_owned())
+}
+
+#[test]
+fn a_subscription_has_defaults() {
+    let request = Request::parse(r#"{"op":"subscribe","id":3}"#);
+    let expected = Subscribe { max_rate: 20.0, quantum: 0.001, ..Subscribe::default() };
+    assert_eq!(request, Ok(Request::Control(Control::Subscribe(3, expected))));
+}
+
+#[test]
+fn a_subscription_takes_every_field() {
+    let request = Request::parse(
+        r#"{"op":"subscribe","id":-1,"stride":4,"max_rate":0.5,"quantum":0.01,
+            "region":{"column_x":-8,"column_z":16,"width":9,"depth":1},"colliders":true,
+            "resume":{"epoch":"e","seq":7}}"#,
+    );
+    let expected = Subscribe {
+        region: Some(ColumnRegion { column_x: -8, column_z: 16, width: 9, depth: 1 }),
+        stride: 4,
+        max_rate: 0.5,
+        quantum: 0.01,
+        colliders: true,
+        resume: Some(Resume { epoch: "e".to_owned(), seq: 7 }),
+    };
+    assert_eq!(request, Ok(Request::Control(Control::Subscribe(-1, expected))));
+}
+
+#[test]
+fn changes_carry_the_body_of_their_rest_call() {
+    let collider = ColliderSpec {
+        id: Some("a".to_owned()),
+        mass: 100.0,
+        shape: Shape::Disk { radius: 0.5 },
+        position: Position { x: 5.0, z: 6.0 },
+    };
+    let object =
+        r#"{"id":"a","mass":100,"shape":{"type":"disk","radius":0.5},"position":{"x":5,"z":6}}"#;
+    let cases = [
+        (
+            r#"{"op":"snowfall","id":1,"depth":0.5}"#.to_owned(),
+            Change::Snowfall(Snowfall {
+                depth: 0.5,
+                density: None,
+                temperature: None,
+                region: None,
+            }),
+        ),
+        (
+            r#"{"op":"clearing","id":1,"depth":0}"#.to_owned(),
+            Change::Clearing(Clearing { depth: 0.0, region: None }),
+        ),
+        (
+            r#"{"op":"air_temperature","id":1,"celsius":-10}"#.to_owned(),
+            Change::AirTemperature(AirTemperature { celsius: -10.0 }),
+        ),
+        (
+            r#"{"op":"set","id":1,"paused":true,"delete_after_s":null}"#.to_owned(),
+            Change::Settings(SettingsPatch {
+                paused: Some(true),
+                delete_after_s: Some(None),
+                ..SettingsPatch::default()
+            }),
+        ),
+        (
+            format!(r#"{{"op":"collider.put","id":1,"collider":{object}}}"#),
+            Change::PutCollider(collider.clone()),
+        ),
+        (
+            r#"{"op":"collider.delete","id":1,"collider":"a"}"#.to_owned(),
+            Change::DeleteCollider { id: "a".to_owned() },
+        ),
+        (
+            format!(r#"{{"op":"colliders.batch","id":1,"put":[{object}],"delete":["b"]}}"#),
+            Change::Colliders(ColliderBatch { put: vec![collider], delete: vec!["b".into()] }),
+        ),
+    ];
+    for (text, expected) in cases {
+        let Ok(Request::Change { id: 1, change, .. }) = Request::parse(&text) else {
+            panic!("{text} was not read as a change");
+        };
+        assert_eq!(change, expected);
+    }
+}
+
+#[test]
+fn what_is_wrong_is_named_with_the_id_where_it_can_be_read() {
+    assert_eq!(refused("hello"), at(None, 400, ""));
+    assert_eq!(refused("[1]").1, 422);
+    assert_eq!(refused(r#"{"op":"subscribe"}"#), at(None, 422, "/id"));
+    assert_eq!(refused(r#"{"op":"subscribe","id":"a"}"#), at(None, 422, "/id"));
+    assert_eq!(refused(r#"{"op":"subscribe","id":1.5}"#), at(None, 422, "/id"));
+    assert_eq!(refused(r#"{"id":4}"#), at(Some(4), 422, "/op"));
+    assert_eq!(refused(r#"{"op":"melt","id":4}"#), at(Some(4), 422, "/op"));
+    assert_eq!(refused(r#"{"op":"ping","id":4,"a":1}"#), at(Some(4), 422, "/a"));
+    assert_eq!(refused(r#"{"op":"snowfall","id":4}"#), at(Some(4), 422, "/depth"));
+    assert_eq!(refused(r#"{"op":"snowfall","id":4,"depth":1e999}"#).1, 422);
+    assert_eq!(
+        refused(r#"{"op":"subscribe","id":4,"resume":{"epoch":"e"}}"#),
+        at(Some(4), 422, "/resume/seq")
+    );
+    assert_eq!(
+        refused(r#"{"op":"collider.put","id":4,"collider":{"mass":"heavy"}}"#),
+        at(Some(4), 422, "/collider/mass")
+    );
+}
+
+#[test]
+fn a_ping_needs_no_id() {
+    assert_eq!(Request::parse(r#"{"op":"ping"}"#), Ok(Request::Control(Control::Ping(None))));
+}

@@ -1,0 +1,167 @@
+//! The half of a stream that speaks: answers, events, heights, and pings.
+//!
+//! Heights wait nowhere: a subscription knows what its client has seen, and copies the newest state
+//! when the client can take it. So a slow client costs no memory and delays nobody.
+
+use std::time::Duration;
+
+use axum::extract::ws::Message;
+use futures_util::sink::{Sink, SinkExt};
+use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::{broadcast, mpsc};
+use tokio::time::{Instant, MissedTickBehavior, interval_at, sleep_until, timeout};
+
+use crate::session::{Applied, Event, Invalid, Session, SessionError, Stamp};
+
+use super::answer::{self, Answer};
+use super::cause::Cause;
+use super::receive::Next;
+use super::request::{Control, Subscribe, Update};
+use super::subscription::Subscription;
+
+/// Time between pings.
+const PING_EVERY: Duration = Duration::from_secs(15);
+
+/// Longest time that one message may take to be written.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Subscriptions of one client.
+const MOST_SUBSCRIPTIONS: usize = 64;
+
+/// Speaks to a client until the stream ends.
+pub async fn send<W>(sink: &mut W, session: &Session, mut answers: mpsc::Receiver<Next>) -> Cause
+where
+    W: Sink<Message, Error = axum::Error> + Unpin,
+{
+    let mut events = session.events();
+    let mut publications = session.publications();
+    let mut pings = interval_at(Instant::now() + PING_EVERY, PING_EVERY);
+    pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut speaker = Speaker { sink, session, subscriptions: Vec::new() };
+    if let Err(cause) = speaker.say(answer::welcome(session)).await {
+        return cause;
+    }
+    loop {
+        let due = speaker.subscriptions.iter().filter_map(Subscription::due).min();
+        let said = tokio::select! {
+            next = answers.recv() => match next {
+                Some(Next::Text(text)) => speaker.say(text).await,
+                Some(Next::Control(control)) => speaker.control(control).await,
+                None => Err(Cause::Broken),
+            },
+            event = events.recv() => speaker.tell(event).await,
+            _ = pings.tick() => speaker.write(Message::Ping(Vec::new().into())).await,
+            changed = publications.changed() => {
+                speaker.subscriptions.iter_mut().for_each(Subscription::mark);
+                changed.map_err(|_| Cause::Deleted)
+            }
+            () = sleep_until(due.unwrap_or_else(Instant::now)), if due.is_some() => {
+                speaker.update().await
+            }
+        };
+        if let Err(cause) = said {
+            return cause;
+        }
+    }
+}
+
+struct Speaker<'a, W> {
+    sink: &'a mut W,
+    session: &'a Session,
+    subscriptions: Vec<Subscription>,
+}
+
+impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
+    async fn write(&mut self, message: Message) -> Result<(), Cause> {
+        match timeout(PATIENCE, self.sink.send(message)).await {
+            Ok(written) => written.map_err(Cause::from),
+            Err(_) => Err(Cause::TooSlow),
+        }
+    }
+
+    async fn say(&mut self, text: String) -> Result<(), Cause> {
+        self.write(Message::Text(text.into())).await
+    }
+
+    async fn tell(&mut self, event: Result<Event, RecvError>) -> Result<(), Cause> {
+        match event {
+            Ok(event) => self.say(Answer::Event(&event).encode()).await,
+            // The client was too slow for some events. They are told live only.
+            Err(broadcast::error::RecvError::Lagged(_)) => Ok(()),
+            Err(broadcast::error::RecvError::Closed) => Err(Cause::Deleted),
+        }
+    }
+
+    /// Carries out a request about the stream itself.
+    async fn control(&mut self, control: Control) -> Result<(), Cause> {
+        let (id, done) = match control {
+            Control::Ping(id) => return self.say(Answer::Pong { id }.encode()).await,
+            Control::Subscribe(id, wish) => match self.subscribe(id, &wish) {
+                // The snapshot is the answer.
+                Ok(()) => return Ok(()),
+                Err(error) => (id, Err(error)),
+            },
+            Control::Update(id, update) => (id, self.move_view(id, update)),
+            Control::Unsubscribe(id) => (id, self.unsubscribe(id)),
+        };
+        let done = done.map(|()| Applied::Stamp(self.stamp()));
+        self.say(answer::outcome(id, "", done)).await
+    }
+
+    fn stamp(&self) -> Stamp {
+        self.session.mirror().stamp_at(self.session.frame())
+    }
+
+    fn subscribe(&mut self, id: i64, wish: &Subscribe) -> Result<(), SessionError> {
+        let known = self.subscriptions.iter().position(|subscription| subscription.id() == id);
+        if known.is_none() && self.subscriptions.len() >= MOST_SUBSCRIPTIONS {
+            return Err(SessionError::Invalid(vec![Invalid {
+                pointer: "/id".to_owned(),
+                detail: format!(
+                    "the stream has {MOST_SUBSCRIPTIONS} subscriptions already, the most it may"
+                ),
+            }]));
+        }
+        let new = Subscription::new(id, wish, self.session.spec.grid, Instant::now())?;
+        match known {
+            Some(place) => self.subscriptions[place] = new,
+            None => self.subscriptions.push(new),
+        }
+        Ok(())
+    }
+
+    fn move_view(&mut self, id: i64, update: Update) -> Result<(), SessionError> {
+        let place = self.known(id)?;
+        self.subscriptions[place].move_to(update.region)
+    }
+
+    fn unsubscribe(&mut self, id: i64) -> Result<(), SessionError> {
+        let place = self.known(id)?;
+        self.subscriptions.remove(place);
+        Ok(())
+    }
+
+    fn known(&self, id: i64) -> Result<usize, SessionError> {
+        self.subscriptions
+            .iter()
+            .position(|subscription| subscription.id() == id)
+            .ok_or_else(|| SessionError::NotFound { kind: "subscription", id: id.to_string() })
+    }
+
+    /// Sends what is due.
+    async fn update(&mut self) -> Result<(), Cause> {
+        for place in 0..self.subscriptions.len() {
+            let now = Instant::now();
+            let subscription = &mut self.subscriptions[place];
+            if subscription.due().is_none_or(|due| due > now) {
+                continue;
+            }
+            let frame = self.session.frame();
+            let copied = subscription.copy(&self.session.mirror(), frame);
+            for part in subscription.message(copied, now).into_iter().flatten() {
+                self.say(part).await?;
+            }
+        }
+        Ok(())
+    }
+}

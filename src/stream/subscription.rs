@@ -1,0 +1,218 @@
+//! What a subscription has still to send. No I/O, and no history: the newest seq its client has
+//! seen and the rectangle it holds say everything.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::session::{ColliderView, Invalid, Mirror, SessionError, Stamp, TileColumns};
+use crate::snow::{ColumnRect, Grid, TILE_SIDE};
+
+use super::request::{ColumnRegion, Subscribe};
+use super::tiles::{Head, Parts, Quantum, Sampling, meets};
+
+/// A client's view of a session.
+#[derive(Debug)]
+pub struct Subscription {
+    id: i64,
+    sampling: Sampling,
+    /// Tiles wanted.
+    view: ColumnRect,
+    /// Tiles the client holds in their state at `seen`.
+    held: Option<ColumnRect>,
+    /// Newest seq the client has seen.
+    seen: u64,
+    /// Whether everything has still to be sent, and what is said about resuming.
+    snapshot: Option<Option<bool>>,
+    wants_colliders: bool,
+    /// Fingerprint of the colliders the client was last told.
+    told: Option<blake3::Hash>,
+    /// Least time between two messages.
+    period: Duration,
+    next: Instant,
+    stale: bool,
+}
+
+/// What was copied out of a mirror for one message.
+#[derive(Debug)]
+pub struct Copied {
+    stamp: Stamp,
+    tiles: Vec<(u32, TileColumns)>,
+    colliders: Option<Arc<[ColliderView]>>,
+}
+
+impl Subscription {
+    /// A subscription that begins with a snapshot, at once.
+    ///
+    /// # Errors
+    /// [`SessionError::Invalid`] names each field that is out of its range.
+    pub fn new(id: i64, wish: &Subscribe, grid: Grid, now: Instant) -> Result<Self, SessionError> {
+        let mut wrong = Vec::new();
+        if ![1, 2, 4, 8].contains(&wish.stride) {
+            wrong.push(invalid("/stride", format!("{} is not 1, 2, 4 or 8", wish.stride)));
+        }
+        if !(0.1..=60.0).contains(&wish.max_rate) {
+            let detail = format!("{} is not within 0.1 to 60 Hz", wish.max_rate);
+            wrong.push(invalid("/max_rate", detail));
+        }
+        let quantum = Quantum::new(wish.quantum).map_err(|error| wrong.push(error));
+        let view = tiles_of(wish.region, &grid).map_err(|error| wrong.push(error));
+        let (Ok(quantum), Ok(view), true) = (quantum, view, wrong.is_empty()) else {
+            return Err(SessionError::Invalid(wrong));
+        };
+        Ok(Subscription {
+            id,
+            sampling: Sampling { grid, stride: wish.stride, quantum },
+            view,
+            held: None,
+            seen: 0,
+            // No state is recovered: a client that asks for one is told so.
+            snapshot: Some(wish.resume.as_ref().map(|_| false)),
+            wants_colliders: wish.colliders,
+            told: None,
+            period: Duration::from_secs_f64(1.0 / wish.max_rate),
+            next: now,
+            stale: true,
+        })
+    }
+
+    /// The client's number for it.
+    pub fn id(&self) -> i64 {
+        self.id
+    }
+
+    /// Moves the view; the client keeps what it holds of the new one.
+    ///
+    /// # Errors
+    /// [`SessionError::Invalid`] where the region is empty or misses the grid.
+    pub fn move_to(&mut self, region: Option<ColumnRegion>) -> Result<(), SessionError> {
+        let view = tiles_of(region, &self.sampling.grid)
+            .map_err(|error| SessionError::Invalid(vec![error]))?;
+        self.view = view;
+        self.held = self.held.and_then(|held| overlap(&held, &view));
+        self.told = None;
+        self.stale = true;
+        Ok(())
+    }
+
+    /// Notes that the mirror has changed.
+    pub fn mark(&mut self) {
+        self.stale = true;
+    }
+
+    /// When the next message may be sent, where there may be one.
+    pub fn due(&self) -> Option<Instant> {
+        self.stale.then_some(self.next)
+    }
+
+    /// Tiles whose newest state the client does not hold, given their versions.
+    fn missing(&self, version: impl Fn(u32) -> u64) -> Vec<u32> {
+        let tiles_x = self.sampling.grid.tiles_x();
+        let view = self.view;
+        (view.z0..view.z1)
+            .flat_map(|z| (view.x0..view.x1).map(move |x| (x, z)))
+            .map(|(x, z)| (z * tiles_x + x, self.held.is_some_and(|held| held.contains(x, z))))
+            .filter(|&(tile, held)| !held || version(tile) > self.seen)
+            .map(|(tile, _)| tile)
+            .collect()
+    }
+
+    /// Copies what the client has not seen; the client counts as having seen it from here on.
+    pub fn copy(&mut self, mirror: &Mirror, frame: u64) -> Copied {
+        let tiles = self.missing(|tile| mirror.tile(tile).1);
+        let changed = self.told.is_none() || mirror.colliders_version > self.seen;
+        let colliders = (self.wants_colliders && changed).then(|| mirror.colliders.clone());
+        self.seen = mirror.seq;
+        self.held = Some(self.view);
+        self.stale = false;
+        Copied {
+            stamp: mirror.stamp_at(frame),
+            tiles: tiles.into_iter().map(|tile| (tile, *mirror.tile(tile).0)).collect(),
+            colliders,
+        }
+    }
+
+    /// The message about what was copied, if anything in the view has changed.
+    pub fn message(&mut self, copied: Copied, now: Instant) -> Option<Parts> {
+        let colliders = copied.colliders.and_then(|all| self.news_of(&all));
+        let snapshot = self.snapshot.take();
+        if snapshot.is_none() && copied.tiles.is_empty() && colliders.is_none() {
+            return None;
+        }
+        let on_time = self.next + self.period;
+        self.next = if on_time > now { on_time } else { now + self.period };
+        let head = Head {
+            op: if snapshot.is_some() { "snapshot" } else { "delta" },
+            id: self.id,
+            stamp: copied.stamp,
+            recovered: snapshot.flatten(),
+        };
+        Some(Parts::new(head, self.sampling, copied.tiles, colliders))
+    }
+
+    /// The colliders in the view, each as JSON, where the client was last told others.
+    fn news_of(&mut self, all: &[ColliderView]) -> Option<Vec<Vec<u8>>> {
+        let grid = self.sampling.grid;
+        let columns = columns_of(&self.view, &grid);
+        let colliders: Vec<Vec<u8>> = all
+            .iter()
+            .filter(|collider| meets(collider, &columns, &grid))
+            .map(|collider| serde_json::to_vec(collider).expect("colliders have string keys"))
+            .collect();
+        let mut hasher = blake3::Hasher::new();
+        for collider in &colliders {
+            hasher.update(collider);
+        }
+        let told = Some(hasher.finalize());
+        (std::mem::replace(&mut self.told, told) != told).then_some(colliders)
+    }
+}
+
+/// The tiles that a region of columns meets; all of the grid's where there is none.
+fn tiles_of(region: Option<ColumnRegion>, grid: &Grid) -> Result<ColumnRect, Invalid> {
+    let Some(region) = region else { return Ok(grid.all().tiles()) };
+    for (pointer, extent) in [("/region/width", region.width), ("/region/depth", region.depth)] {
+        if extent == 0 {
+            return Err(invalid(pointer, "0 is not at least 1 column"));
+        }
+    }
+    let span = |first: i64, extent: u64, columns: u32| {
+        let clip = |column: i64| column.clamp(0, i64::from(columns)) as u32;
+        (clip(first), clip(first.saturating_add_unsigned(extent)))
+    };
+    let (x0, x1) = span(region.column_x, region.width, grid.width);
+    let (z0, z1) = span(region.column_z, region.depth, grid.depth);
+    if x0 == x1 || z0 == z1 {
+        let detail = format!("holds none of the grid's {} × {} columns", grid.width, grid.depth);
+        return Err(invalid("/region", detail));
+    }
+    Ok(ColumnRect { x0, z0, x1, z1 }.tiles())
+}
+
+fn invalid(pointer: &str, detail: impl Into<String>) -> Invalid {
+    Invalid { pointer: pointer.to_owned(), detail: detail.into() }
+}
+
+/// The columns of a rectangle of tiles, clipped to the grid.
+fn columns_of(tiles: &ColumnRect, grid: &Grid) -> ColumnRect {
+    ColumnRect {
+        x0: tiles.x0 * TILE_SIDE,
+        z0: tiles.z0 * TILE_SIDE,
+        x1: (tiles.x1 * TILE_SIDE).min(grid.width),
+        z1: (tiles.z1 * TILE_SIDE).min(grid.depth),
+    }
+}
+
+fn overlap(a: &ColumnRect, b: &ColumnRect) -> Option<ColumnRect> {
+    let rect = ColumnRect {
+        x0: a.x0.max(b.x0),
+        z0: a.z0.max(b.z0),
+        x1: a.x1.min(b.x1),
+        z1: a.z1.min(b.z1),
+    };
+    (rect.x0 < rect.x1 && rect.z0 < rect.z1).then_some(rect)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,246 @@
+//! Heights and colliders as JSON: rounding, tiles, and messages cut into parts. No I/O.
+
+use std::io::Write;
+
+use crate::session::{ColliderView, Invalid, Stamp, TileColumns};
+use crate::snow::{ColumnRect, Grid};
+
+/// Largest message to a client \[bytes\]; what is longer is sent in parts.
+pub const LARGEST_PART: usize = 1 << 20;
+
+/// Room for what ends a part: closing brackets and `more`.
+const TAIL: usize = 64;
+
+/// The step that heights are rounded to, as the decimal number that its client wrote.
+///
+/// Multiples of it are written exactly, so that 4685 steps of 0.001 read 4.685.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quantum {
+    metres: f64,
+    /// The step is `digits` · 10^−`decimals`.
+    digits: u64,
+    decimals: usize,
+}
+
+impl Quantum {
+    /// A step of 0.0001 to 1 m.
+    ///
+    /// # Errors
+    /// Any other.
+    pub fn new(metres: f64) -> Result<Quantum, Invalid> {
+        if !(1e-4..=1.0).contains(&metres) {
+            return Err(Invalid {
+                pointer: "/quantum".to_owned(),
+                detail: format!("{metres} is not within 0.0001 to 1 m"),
+            });
+        }
+        let text = metres.to_string();
+        let (whole, fraction) = text.split_once('.').unwrap_or((&text, ""));
+        let digits = format!("{whole}{fraction}");
+        let digits = digits.parse().expect("17 digits are enough for any number");
+        Ok(Quantum { metres, digits, decimals: fraction.len() })
+    }
+
+    /// Number of steps nearest to a height \[m\], halves rounded up: ⌊height/quantum + ½⌋.
+    pub fn steps(&self, height: f64) -> u64 {
+        (height / self.metres + 0.5).floor() as u64
+    }
+
+    /// Writes a number of steps in metres.
+    fn write(&self, steps: u64, out: &mut Vec<u8>) {
+        let mut left = u128::from(steps) * u128::from(self.digits);
+        let mut text = [b'0'; 48];
+        let mut start = text.len();
+        // A digit before the point is always written.
+        while left > 0 || text.len() - start <= self.decimals {
+            start -= 1;
+            text[start] = b'0'
+                + if let Ok(short) = u64::try_from(left) {
+                    left = u128::from(short / 10);
+                    (short % 10) as u8
+                } else {
+                    let digit = (left % 10) as u8;
+                    left /= 10;
+                    digit
+                };
+        }
+        let (whole, fraction) = text[start..].split_at(text.len() - start - self.decimals);
+        out.extend_from_slice(whole);
+        if let Some(last) = fraction.iter().rposition(|&digit| digit != b'0') {
+            out.push(b'.');
+            out.extend_from_slice(&fraction[..=last]);
+        }
+    }
+}
+
+/// How a subscription wants its tiles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampling {
+    /// The session's grid.
+    pub grid: Grid,
+    /// Every how many columns one is sent: 1, 2, 4 or 8.
+    pub stride: u32,
+    /// Step that heights are rounded to.
+    pub quantum: Quantum,
+}
+
+impl Sampling {
+    /// Writes a tile as a JSON object: the samples of its columns inside the grid.
+    pub fn write_tile(&self, tile: u32, heights: &TileColumns, out: &mut Vec<u8>) {
+        let rect = self.grid.tile_rect(tile);
+        let samples = |from: u32, to: u32| (to - from).div_ceil(self.stride);
+        text(
+            out,
+            format_args!(
+                r#"{{"column_x":{},"column_z":{},"width":{},"depth":{},"heights":["#,
+                rect.x0,
+                rect.z0,
+                samples(rect.x0, rect.x1),
+                samples(rect.z0, rect.z1)
+            ),
+        );
+        for z in (rect.z0..rect.z1).step_by(self.stride as usize) {
+            for x in (rect.x0..rect.x1).step_by(self.stride as usize) {
+                let height = heights[self.grid.locate(x, z).1 as usize];
+                self.quantum.write(self.quantum.steps(self.grid.metres(u64::from(height))), out);
+                out.push(b',');
+            }
+        }
+        out.pop();
+        out.extend_from_slice(b"]}");
+    }
+}
+
+/// Whether an object's bounding box meets a rectangle of columns.
+pub fn meets(collider: &ColliderView, columns: &ColumnRect, grid: &Grid) -> bool {
+    let (half_x, half_z) = collider.shape.half_extents();
+    let overlaps = |centre: f64, half: f64, from: u32, to: u32| {
+        centre + half > f64::from(from) * grid.cell_size
+            && centre - half < f64::from(to) * grid.cell_size
+    };
+    overlaps(collider.position.x, half_x, columns.x0, columns.x1)
+        && overlaps(collider.position.z, half_z, columns.z0, columns.z1)
+}
+
+/// What begins every part of a message.
+#[derive(Clone, Copy, Debug)]
+pub struct Head {
+    /// `snapshot` or `delta`.
+    pub op: &'static str,
+    /// The subscription.
+    pub id: i64,
+    /// When this holds.
+    pub stamp: Stamp,
+    /// Whether the client was given exactly what it missed, where it asked for that.
+    pub recovered: Option<bool>,
+}
+
+/// A message, written part by part as the client takes them.
+#[derive(Debug)]
+pub struct Parts {
+    head: Head,
+    sampling: Sampling,
+    /// Tiles still to be written, the next one last.
+    tiles: Vec<(u32, TileColumns)>,
+    /// Colliders still to be written, each as JSON, the next one last.
+    colliders: Option<Vec<Vec<u8>>>,
+    largest: usize,
+    first: bool,
+    done: bool,
+}
+
+impl Parts {
+    /// A message of tiles and, where they are to be told, colliders.
+    pub fn new(
+        head: Head,
+        sampling: Sampling,
+        mut tiles: Vec<(u32, TileColumns)>,
+        mut colliders: Option<Vec<Vec<u8>>>,
+    ) -> Parts {
+        tiles.reverse();
+        if let Some(colliders) = &mut colliders {
+            colliders.reverse();
+        }
+        Parts { head, sampling, tiles, colliders, largest: LARGEST_PART, first: true, done: false }
+    }
+
+    fn write_head(&mut self, out: &mut Vec<u8>) {
+        let Head { op, id, stamp, recovered } = self.head;
+        let Stamp { tick, seq } = stamp;
+        text(out, format_args!(r#"{{"op":"{op}","id":{id},"seq":{seq},"tick":{tick}"#));
+        if let (true, Some(recovered)) = (self.first, recovered) {
+            text(out, format_args!(r#","recovered":{recovered}"#));
+        }
+        self.first = false;
+    }
+
+    fn write_tiles(&mut self, out: &mut Vec<u8>) {
+        out.extend_from_slice(br#","tiles":["#);
+        let begin = out.len();
+        while let Some((tile, heights)) = self.tiles.last() {
+            let end = out.len();
+            if end > begin {
+                out.push(b',');
+            }
+            self.sampling.write_tile(*tile, heights, out);
+            if end > begin && out.len() + TAIL > self.largest {
+                out.truncate(end);
+                break;
+            }
+            self.tiles.pop();
+        }
+        out.push(b']');
+    }
+
+    /// Writes as many colliders as there is room for. Returns whether that was all.
+    fn write_colliders(&mut self, out: &mut Vec<u8>, empty: bool) -> bool {
+        let Some(colliders) = &mut self.colliders else { return true };
+        let key = br#","colliders":["#;
+        let fits =
+            |out: &Vec<u8>, next: &[u8]| out.len() + key.len() + next.len() + TAIL <= self.largest;
+        if colliders.last().is_some_and(|next| !empty && !fits(out, next)) {
+            return false;
+        }
+        out.extend_from_slice(key);
+        let begin = out.len();
+        while let Some(next) = colliders.last() {
+            if out.len() > begin {
+                if !fits(out, next) {
+                    break;
+                }
+                out.push(b',');
+            }
+            out.extend_from_slice(next);
+            colliders.pop();
+        }
+        out.push(b']');
+        colliders.is_empty()
+    }
+}
+
+impl Iterator for Parts {
+    type Item = String;
+
+    fn next(&mut self) -> Option<String> {
+        if self.done {
+            return None;
+        }
+        let mut out = Vec::new();
+        self.write_head(&mut out);
+        let empty = self.tiles.is_empty();
+        self.write_tiles(&mut out);
+        self.done = self.tiles.is_empty() && self.write_colliders(&mut out, empty);
+        if !self.done {
+            out.extend_from_slice(br#","more":true"#);
+        }
+        out.push(b'}');
+        Some(String::from_utf8(out).expect("only text was written"))
+    }
+}
+
+fn text(out: &mut Vec<u8>, arguments: std::fmt::Arguments) {
+    out.write_fmt(arguments).expect("writing to memory does not fail");
+}
+
+#[cfg(test)]
+mod tests;

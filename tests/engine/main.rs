@@ -1,0 +1,8 @@
+//! The engine without sessions: the GPU's kernels beside their twins in plain Rust.
+
+mod arena;
+mod golden;
+mod kernels;
+mod shaders;
+mod sleep;
+mod support;

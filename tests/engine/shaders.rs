@@ -1,0 +1,128 @@
+//! Every shader validated without a GPU, and its structs compared with the host's.
+
+use std::mem::offset_of;
+
+use firn::engine::gpu::kernels::{Access, KERNELS, Kernel, Resource};
+use firn::engine::gpu::layout;
+use naga::{AddressSpace, StorageAccess, TypeInner};
+
+fn parse(kernel: &Kernel) -> naga::Module {
+    let source = kernel.wgsl();
+    let module = naga::front::wgsl::parse_str(&source)
+        .unwrap_or_else(|error| panic!("{}: {}", kernel.name, error.emit_to_string(&source)));
+    naga::valid::Validator::new(
+        naga::valid::ValidationFlags::all(),
+        naga::valid::Capabilities::empty(),
+    )
+    .validate(&module)
+    .unwrap_or_else(|error| panic!("{}: {error:?}", kernel.name));
+    module
+}
+
+/// `EditJobs` as `edit_jobs`.
+fn snake_case(resource: Resource) -> String {
+    let mut name = String::new();
+    for letter in format!("{resource:?}").chars() {
+        if letter.is_uppercase() && !name.is_empty() {
+            name.push('_');
+        }
+        name.extend(letter.to_lowercase());
+    }
+    name
+}
+
+#[test]
+fn every_shader_is_valid_and_binds_what_its_kernel_declares() {
+    for kernel in &KERNELS {
+        let module = parse(kernel);
+        assert!(module.entry_points.iter().any(|entry| entry.name == kernel.entry_point));
+        let mut bound: Vec<_> = module
+            .global_variables
+            .iter()
+            .filter_map(|(_, variable)| {
+                let access = match variable.space {
+                    AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => {
+                        Access::Write
+                    }
+                    AddressSpace::Storage { .. } | AddressSpace::Uniform => Access::Read,
+                    _ => return None,
+                };
+                let binding = variable.binding.as_ref()?.binding;
+                Some((binding, variable.name.clone().unwrap_or_default(), access))
+            })
+            .collect();
+        bound.sort_by_key(|(binding, ..)| *binding);
+        let declared: Vec<_> = (0..)
+            .zip(kernel.bindings)
+            .map(|(i, &(resource, access))| (i, snake_case(resource), access))
+            .collect();
+        assert_eq!(bound, declared, "{}", kernel.name);
+    }
+}
+
+macro_rules! compare_layout {
+    ($module:expr, $name:ident { $($field:ident),* $(,)? }) => {{
+        let host = [$((stringify!($field), offset_of!(layout::$name, $field) as u32)),*];
+        let (members, span) = $module
+            .types
+            .iter()
+            .find_map(|(_, ty)| match &ty.inner {
+                TypeInner::Struct { members, span }
+                    if ty.name.as_deref() == Some(stringify!($name)) => Some((members, *span)),
+                _ => None,
+            })
+            .unwrap_or_else(|| panic!("no struct {}", stringify!($name)));
+        let shader: Vec<_> = members
+            .iter()
+            .map(|member| (member.name.as_deref().unwrap_or_default(), member.offset))
+            .collect();
+        assert_eq!(shader, host, "{}", stringify!($name));
+        assert_eq!(span as usize, size_of::<layout::$name>(), "{}", stringify!($name));
+    }};
+}
+
+#[test]
+fn host_and_shaders_agree_on_every_struct() {
+    let kernel = |name: &str| parse(KERNELS.iter().find(|kernel| kernel.name == name).unwrap());
+    let module = kernel("stress");
+    compare_layout!(module, Session {
+        first_tile, tiles_x, width, depth, height, hardness_law, load_distribution,
+        stiffness_exponent, density, densest, metres, gold,
+    });
+    compare_layout!(module, Run { cycles, flags, rate, always_awake });
+    compare_layout!(module, Tile { session, page, row, loaded });
+    compare_layout!(module, Tally { last_change, active_tiles, mass_low, mass_high });
+    compare_layout!(module, Collider {
+        session, contact, z0, first_span, rows, columns, x0, x1, area, weight, placed, padding,
+    });
+    compare_layout!(module, Contact {
+        bottom, reference, support_low, support_high, area, pressure, width, resting,
+    });
+    compare_layout!(module, LoadJob { tile, first_load, loads, padding });
+    compare_layout!(module, EditJob { tile, first_operation, operations, padding });
+    compare_layout!(module, Operation {
+        kind, x0, z0, x1, z1, depth, mass, share, temperature, result, padding,
+    });
+    compare_layout!(module, OperationResult { low, high });
+    compare_layout!(module, Pass { first, count, cycle, cycles, page, edited, padding });
+}
+
+#[test]
+fn shared_constants_are_the_same() {
+    let source = KERNELS[0].wgsl();
+    for (name, value) in [
+        ("TILE_COLUMNS", firn::snow::TILE_COLUMNS),
+        ("TILE_SIDE", firn::snow::TILE_SIDE),
+        ("CONTACT_DEPTH", firn::snow::CONTACT_DEPTH),
+        ("AWAKE", layout::AWAKE),
+        ("DIRTY", layout::DIRTY),
+        ("WAKE", layout::WAKE),
+        ("PUBLISH", layout::PUBLISH),
+        ("EDITED", layout::EDITED),
+        ("DEPOSIT", layout::DEPOSIT),
+    ] {
+        let line = format!("const {name}: u32 = {value}u;");
+        assert!(source.contains(&line), "no line '{line}'");
+    }
+    assert!(source.contains("const CELL: u32 = 1u << 24u;") && firn::snow::CELL == 1 << 24);
+}

@@ -1,0 +1,72 @@
+//! Sleep makes no difference to a single bit.
+
+use firn::engine::frame::{Backend, Edit, Run, TileCells, Work};
+use firn::engine::gpu::GpuBackend;
+use firn::snow::{Contact, Grid, Material, Shape};
+
+use crate::support::*;
+
+/// What a snowpack is, bit for bit.
+type State = (Vec<TileCells>, Vec<Contact>);
+
+fn live_through(gpu: &mut GpuBackend, seed: u64) -> (State, u32) {
+    let mut dice = Dice::new(seed);
+    let grid = Grid { width: 42, depth: 30, height: 30, cell_size: 0.2 };
+    let material = Material::default();
+    gpu.create(0, &level(grid, material)).unwrap();
+    edit(gpu, 0, vec![snow(&grid, grid.all(), 2.5, 20.0, -3.0)]);
+    let mut slept = 0;
+    let mut last_dt = 0.0;
+    for _ in 0..14 {
+        let mut edits = Vec::new();
+        if dice.unit() < 0.3 {
+            edits.push(snow(&grid, dice.rect(&grid), dice.range(0.01, 0.5), 25.0, -8.0));
+        }
+        if dice.unit() < 0.7 {
+            let (x, z) = (dice.range(1.0, 7.4), dice.range(1.0, 5.0));
+            let shape = Shape::Box { width: dice.range(0.2, 1.8), depth: dice.range(0.2, 1.8) };
+            let id = if dice.unit() < 0.5 { "a" } else { "b" };
+            edits.push(put(&grid, id, dice.range(10.0, 200.0), shape, x, z));
+        } else {
+            edits.push(Edit::RemoveCollider { id: "a".into() });
+        }
+        let dt = if dice.unit() < 0.7 { 0.25 } else { dice.range(0.02, 0.25) };
+        let cycles = 1 + dice.below(250);
+        let wake = dt != last_dt;
+        last_dt = dt;
+        let run = Run { cycles, dt };
+        let outcome =
+            work(gpu, Work { slot: 0, edits, wake, run, publish: true, ..Work::default() });
+        slept += grid.tiles() - outcome.active_tiles;
+    }
+    let contacts = work(gpu, Work { slot: 0, publish: true, ..Work::default() }).contacts;
+    let state = (cells(gpu, 0, &grid), contacts.into_iter().map(|(_, contact)| contact).collect());
+    (state, slept)
+}
+
+#[test]
+fn the_whole_state_is_the_same_with_sleep_and_without() {
+    for seed in 0..3 {
+        let (Some(mut sleeping), Some(mut awake)) = (gpu(false), gpu(true)) else { return };
+        let (ours, slept) = live_through(&mut sleeping, seed);
+        let (theirs, _) = live_through(&mut awake, seed);
+        assert!(slept > 0, "no tile ever slept: the test shows nothing");
+        assert!(ours == theirs, "seed {seed}: the states differ");
+    }
+}
+
+#[test]
+fn cycles_give_the_same_bits_in_one_dispatch_and_in_many() {
+    let (Some(mut at_once), Some(mut one_by_one)) = (gpu(false), gpu(false)) else { return };
+    let grid = Grid { width: 20, depth: 20, height: 20, cell_size: 0.2 };
+    let mut states = Vec::new();
+    for (gpu, portions) in [(&mut at_once, 1), (&mut one_by_one, 300)] {
+        gpu.create(0, &level(grid, Material::default())).unwrap();
+        edit(gpu, 0, vec![snow(&grid, grid.all(), 3.5, 20.0, -3.0)]);
+        for _ in 0..portions {
+            run(gpu, 0, 300 / portions, 0.125);
+        }
+        states.push(cells(gpu, 0, &grid));
+    }
+    assert!(states[0] == states[1]);
+}

@@ -1,0 +1,5 @@
+//! What holds for every snowpack: mass is kept to the quantum, snow only moves down, rest is exact.
+
+mod columns;
+mod requirements;
+mod snowpacks;
