@@ -20,11 +20,12 @@ COPY --from=build /usr/local/bin/firn /usr/local/bin/firn
 
 # The toolkit's default leaves Vulkan ("graphics") out.
 ENV NVIDIA_DRIVER_CAPABILITIES=compute,graphics,utility
+# A container has to listen on every address; only what its owner publishes can be reached, hence "allow open".
+ENV FIRN_LISTEN=0.0.0.0:8080 FIRN_ALLOW_OPEN=true
 USER 10001
 EXPOSE 8080
 STOPSIGNAL SIGTERM
 HEALTHCHECK --interval=10s --timeout=3s --start-period=30s --retries=3 \
     CMD ["curl", "--fail", "--silent", "--show-error", "http://127.0.0.1:8080/readyz"]
 ENTRYPOINT ["firn"]
-# --allow-open: a container's port is reachable only where whoever runs it publishes it.
-CMD ["serve", "--listen", "0.0.0.0:8080", "--allow-open"]
+CMD ["serve"]

@@ -272,7 +272,7 @@ async fn totals_of_the_server_are_kept(backend: BackendChoice) {
     full.problem(429);
     assert!(full.header("retry-after").parse::<u32>().unwrap() > 0);
     server.create(cells("b", 10)).await;
-    let full = server.post("/v1/sessions", json!({"id": "c", "grid": {"width": 1}})).await;
+    let full = server.post("/v1/sessions", cells("c", 1)).await;
     full.problem(429);
     let ready = server.get("/readyz").await.expect(200);
     assert_eq!((&ready["sessions"], &ready["schedulable"]), (&json!(2), &json!(false)));

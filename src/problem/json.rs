@@ -36,12 +36,14 @@ pub fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
 fn explain(path: &Path, message: &str) -> Problem {
     let message = message.rsplit_once(" at line ").map_or(message, |(message, _)| message);
     let mut pointer = pointer(path);
-    if let Some(field) = quoted_after(message, "missing field ") {
-        push_token(&mut pointer, field);
-    } else if let Some(field) = quoted_after(message, "unknown field ")
-        && !pointer.ends_with(&format!("/{}", escape(field)))
-    {
-        push_token(&mut pointer, field);
+    // The path ends at the object that a field is missing from, and sometimes at the one that has
+    // a field too many.
+    for prefix in ["missing field ", "unknown field ", "duplicate field "] {
+        if let Some(field) = quoted_after(message, prefix)
+            && (prefix == "missing field " || !pointer.ends_with(&format!("/{}", escape(field))))
+        {
+            push_token(&mut pointer, field);
+        }
     }
     Problem::invalid_field(pointer, shorten(plain(message)))
 }
@@ -88,6 +90,9 @@ fn plain(message: &str) -> String {
     }
     if let Some(field) = quoted_after(message, "missing field ") {
         return format!("the field `{field}` is missing");
+    }
+    if let Some(field) = quoted_after(message, "duplicate field ") {
+        return format!("the field `{field}` is given more than once");
     }
     if let Some((found, known)) = message.split_once(", expected ") {
         let known = known.strip_prefix("one of ").unwrap_or(known);
@@ -206,7 +211,10 @@ mod tests {
             wrong::<SessionSpec>(r#"{"initial_snow": [{}]}"#),
             at(422, "/initial_snow/0/depth", "the field `depth` is missing")
         );
-        assert_eq!(wrong::<Snowfall>(r#"{"depth": 1, "depth": 2}"#).0, 422);
+        assert_eq!(
+            wrong::<Snowfall>(r#"{"depth": 1, "depth": 2}"#),
+            at(422, "/depth", "the field `depth` is given more than once")
+        );
     }
 
     #[test]

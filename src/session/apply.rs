@@ -10,7 +10,8 @@ use super::change::{
     Change, Clearing, ColliderBatch, ColliderPatch, ColliderSpec, Region, SettingsPatch, Snowfall,
 };
 use super::error::{Check, SessionError};
-use super::simulation::{Answer, Collider, Reply, ReplyKind, Simulation};
+use super::orders::{Answer, Reply, ReplyKind};
+use super::simulation::{Collider, Simulation};
 use super::view::Applied;
 
 /// Most entries of a batch of colliders.
@@ -155,7 +156,11 @@ impl Simulation {
         self.put_collider(spec, most)
     }
 
-    fn apply_batch(&mut self, batch: ColliderBatch, most: usize) -> Result<ReplyKind, SessionError> {
+    fn apply_batch(
+        &mut self,
+        batch: ColliderBatch,
+        most: usize,
+    ) -> Result<ReplyKind, SessionError> {
         let mut check = Check::default();
         if batch.put.len() + batch.delete.len() > LARGEST_BATCH {
             check.reject("", format!("a batch may have at most {LARGEST_BATCH} entries"));
@@ -223,9 +228,10 @@ impl Simulation {
             return None;
         };
         // A change of mass alone doesn't move an object: the depth it has sunk goes on counting.
-        let placed = self.colliders.get(id).is_none_or(|old| {
-            old.shape != collider.shape || old.position != collider.position
-        });
+        let placed = self
+            .colliders
+            .get(id)
+            .is_none_or(|old| old.shape != collider.shape || old.position != collider.position);
         let edit = Edit::PutCollider { id: id.clone(), collider: placement, placed };
         Some((id.clone(), collider, edit))
     }

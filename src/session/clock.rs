@@ -54,13 +54,7 @@ impl Advance {
 impl Clock {
     /// A clock at tick 0.
     pub fn new(tick_rate: f64, time_scale: f64) -> Clock {
-        Clock {
-            tick: 0,
-            dt: time_scale / tick_rate,
-            tick_rate,
-            mark: (0, 0.0),
-            pending: (0, 0.0),
-        }
+        Clock { tick: 0, dt: time_scale / tick_rate, tick_rate, mark: (0, 0.0), pending: (0, 0.0) }
     }
 
     /// Ticks so far.

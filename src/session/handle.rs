@@ -12,12 +12,12 @@ use crate::engine::frame::TileCells;
 
 use super::change::{Change, StepSpec};
 use super::error::SessionError;
+use super::message::{self, Message};
 use super::mirror::Mirror;
+use super::simulation::Simulation;
 use super::spec::SessionSpec;
 use super::token::TokenHashes;
 use super::view::{Applied, ColumnView, MassView, SessionView, Stamp, State};
-use super::simulation::Simulation;
-use super::world::Message;
 use super::{gather, view};
 
 /// Events a stream client that is slower than this many of them loses the oldest.
@@ -237,7 +237,7 @@ impl Session {
             let _ = send.send(look(simulation));
         });
         self.ask(|reply| Message::Inspect { key: self.key, look, reply }).await?;
-        receive.await.map_err(|_| super::world::stopped())
+        receive.await.map_err(|_| message::stopped())
     }
 
     async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
@@ -248,6 +248,6 @@ impl Session {
         &self,
         message: impl FnOnce(oneshot::Sender<Result<T, SessionError>>) -> Message,
     ) -> Result<T, SessionError> {
-        super::world::ask(&self.world, message).await
+        message::ask(&self.world, message).await
     }
 }

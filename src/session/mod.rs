@@ -4,9 +4,12 @@ mod apply;
 mod change;
 mod clock;
 mod error;
+mod falling;
 mod gather;
 mod handle;
+mod message;
 mod mirror;
+mod orders;
 mod publish;
 mod registry;
 mod simulation;
@@ -14,6 +17,7 @@ mod spec;
 mod step;
 mod token;
 mod view;
+mod vitals;
 mod weak;
 mod world;
 
@@ -34,4 +38,5 @@ pub use view::{
     CreatedSession, LayerView, MassView, SessionView, Settings, SnowfallReply, Stamp, State,
     Summary, WeakLayerView,
 };
-pub use world::{Vitals, World, WorldConfig};
+pub use vitals::Vitals;
+pub use world::{World, WorldConfig};

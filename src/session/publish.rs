@@ -5,10 +5,11 @@ use std::sync::{Arc, PoisonError};
 use crate::engine::frame::{TileHeights, WorkOutcome};
 use crate::snow::{CELL, Contact, Grid};
 
-use super::handle::Event;
 use super::gather::Gathered;
+use super::handle::Event;
 use super::mirror::Mirror;
-use super::simulation::{Collider, Orders, Reply, ReplyKind, Simulation};
+use super::orders::{Orders, Reply, ReplyKind};
+use super::simulation::{Collider, Simulation};
 use super::view::{
     AirTemperatureReply, Applied, ClearingReply, ColliderReply, ColliderView, SnowfallReply, Stamp,
 };
@@ -94,9 +95,10 @@ impl Simulation {
     }
 
     fn collider_views(&self, contacts: &[(Arc<str>, Contact)]) -> Arc<[ColliderView]> {
-        let ground = self.session.spec.terrain.as_ref().map_or(0.0, |terrain| {
-            terrain.heights.iter().copied().fold(f64::INFINITY, f64::min)
-        });
+        let ground =
+            self.session.spec.terrain.as_ref().map_or(0.0, |terrain| {
+                terrain.heights.iter().copied().fold(f64::INFINITY, f64::min)
+            });
         let grid = &self.session.spec.grid;
         self.colliders
             .iter()

@@ -11,9 +11,10 @@ use crate::engine::frame::DeviceInfo;
 
 use super::error::SessionError;
 use super::handle::Session;
+use super::message::{self, Message};
 use super::spec::{Limits, SessionSpec};
 use super::token::Tokens;
-use super::world::{self, Message, Vitals};
+use super::vitals::Vitals;
 
 /// Sessions by name; a name is taken from the moment its creation begins.
 #[derive(Debug, Default)]
@@ -108,7 +109,7 @@ impl Sessions {
             self.frames.clone(),
         ));
         let made = session.clone();
-        world::ask(&self.world, |reply| Message::Create { session: made, reply }).await?;
+        message::ask(&self.world, |reply| Message::Create { session: made, reply }).await?;
         if let Some(entry) = self.names.write().get_mut(&id) {
             entry.session = Some(session.clone());
         }
@@ -145,7 +146,7 @@ impl Sessions {
     /// [`SessionError::NotFound`].
     pub async fn delete(&self, id: &str) -> Result<(), SessionError> {
         let session = self.get(id)?;
-        world::ask(&self.world, |reply| Message::Delete { key: session.key, reply }).await
+        message::ask(&self.world, |reply| Message::Delete { key: session.key, reply }).await
     }
 
     /// How many sessions there are.

@@ -4,21 +4,18 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use tokio::sync::oneshot;
-
 use crate::engine::frame::{Deposit, Edit, Layout, Placement, Run, Slot, Work};
 use crate::snow::{CELL, ColumnRect, Footprint, MASS_QUANTA, Material, Position, Shape};
 
 use super::clock::{Advance, Clock};
 use super::error::SessionError;
-use super::gather::{Gathered, Ledger};
+use super::falling::Falling;
+use super::gather::Ledger;
 use super::handle::{Event, Session};
+use super::orders::{Answer, Flight, Orders, Reply, ReplyKind, refuse};
 use super::spec::SessionSpec;
 use super::step::{Goal, StepJob};
-use super::view::{Applied, MassView, Settings, Stamp};
-
-/// Answer channel of a request.
-pub(super) type Answer<T> = oneshot::Sender<Result<T, SessionError>>;
+use super::view::{Applied, Settings, Stamp};
 
 /// A session on the world's thread.
 #[derive(Debug)]
@@ -55,94 +52,6 @@ pub(super) struct Collider {
     pub mass: f64,
     pub shape: Shape,
     pub position: Position,
-}
-
-/// What is waiting for the next frame.
-#[derive(Debug, Default)]
-pub(super) struct Orders {
-    pub edits: Vec<Edit>,
-    pub wake: bool,
-    pub replies: Vec<Reply>,
-    /// Columns and tiles wanted.
-    pub gathers: Vec<(Vec<u32>, Answer<Gathered>)>,
-    pub tallies: Vec<Answer<MassView>>,
-    /// Settings, colliders or anything else that has no tile changed.
-    pub changed: bool,
-    /// Edits that came before the reset, where there is one.
-    pub reset: Option<usize>,
-}
-
-/// What went with the frame in flight.
-#[derive(Debug, Default)]
-pub(super) struct Flight {
-    pub orders: Orders,
-    pub advance: Advance,
-    pub clock_before: Option<Clock>,
-    pub publish: bool,
-}
-
-/// An answer that is due when the frame is published.
-#[derive(Debug)]
-pub(super) enum Reply {
-    /// To the change that made a snowpack.
-    Created(Answer<()>),
-    /// To a reset, and to a step that has ended.
-    Done(Answer<()>),
-    /// To a change; `edit` counts the edits of the frame.
-    Change { kind: ReplyKind, answer: Answer<Applied> },
-    /// To nobody: snow that fell by itself. Only the ledger wants to know what was refused.
-    Snowfall { edit: usize },
-}
-
-/// What the answer to a change tells.
-#[derive(Clone, Debug)]
-pub(super) enum ReplyKind {
-    /// `refused` is what was refused without asking the backend.
-    Snowfall { edit: usize, fallen: u64, refused: u64 },
-    Clearing { edit: usize },
-    AirTemperature,
-    Collider { id: Arc<str>, created: bool },
-    Settings,
-    Stamp,
-}
-
-/// Continuous snowfall that has not been deposited yet, in quanta of one column.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Falling {
-    depth: f64,
-    mass: f64,
-}
-
-impl Falling {
-    /// Least depth that is deposited, h/256.
-    const LEAST: f64 = (CELL / 256) as f64;
-
-    /// Snow of a rate \[m/h\] over a time \[s\].
-    fn fall(&mut self, rate: f64, time: f64, density: f64, cell_size: f64) {
-        let depth = rate / 3600.0 * time;
-        self.depth += depth / cell_size * f64::from(CELL);
-        self.mass += depth * density * MASS_QUANTA;
-    }
-
-    /// Ticks of a length \[s\] until enough has fallen.
-    fn ticks_until_due(&self, rate: f64, dt: f64, cell_size: f64) -> u64 {
-        let per_tick = rate / 3600.0 * dt / cell_size * f64::from(CELL);
-        if per_tick <= 0.0 {
-            return u64::MAX;
-        }
-        ((Self::LEAST - self.depth) / per_tick).ceil().max(1.0) as u64
-    }
-
-    /// Whole quanta of depth and mass, once enough has fallen; fractions stay.
-    fn take(&mut self) -> Option<(u64, u64)> {
-        if self.depth < Self::LEAST || self.mass < 1.0 {
-            return None;
-        }
-        let taken = (self.depth.floor(), self.mass.floor());
-        self.depth -= taken.0;
-        self.mass -= taken.1;
-        Some((taken.0 as u64, taken.1 as u64))
-    }
 }
 
 impl Simulation {
@@ -288,13 +197,7 @@ impl Simulation {
 
     /// Whether somebody waits for a frame.
     pub(super) fn has_orders(&self) -> bool {
-        let next = &self.next;
-        self.step.is_some()
-            || self.owed > 0
-            || !next.edits.is_empty()
-            || !next.replies.is_empty()
-            || !next.gathers.is_empty()
-            || !next.tallies.is_empty()
+        self.step.is_some() || self.owed > 0 || self.next.are_urgent()
     }
 
     /// Lets the ticks up to a frame pass, where nothing moves in them.
@@ -324,10 +227,7 @@ impl Simulation {
         let run = advance.run;
         self.unpublished |= advance.ticks > 0 || self.has_orders();
         let mut orders = std::mem::take(&mut self.next);
-        let asked = !orders.replies.is_empty()
-            || !orders.gathers.is_empty()
-            || !orders.tallies.is_empty();
-        let publish = asked || (publish && self.unpublished);
+        let publish = orders.want_answers() || (publish && self.unpublished);
         if !publish && run.cycles == 0 && orders.edits.is_empty() {
             self.next.wake |= orders.wake;
             self.next.changed |= orders.changed;
@@ -342,12 +242,7 @@ impl Simulation {
             tally: !orders.tallies.is_empty(),
             gather: orders.gathers.iter().flat_map(|(tiles, _)| tiles.iter().copied()).collect(),
         };
-        self.flight = Flight {
-            orders,
-            advance,
-            clock_before: Some(clock_before),
-            publish,
-        };
+        self.flight = Flight { orders, advance, clock_before: Some(clock_before), publish };
         Some(work)
     }
 
@@ -434,10 +329,17 @@ impl Simulation {
             Applied::Clearing(reply) => {
                 Some(Event::Clearing { stamp, cleared_mass: reply.cleared_mass })
             }
-            Applied::AirTemperature(_) => {
-                Some(Event::Settings { stamp, settings: self.settings })
-            }
+            Applied::AirTemperature(_) => Some(Event::Settings { stamp, settings: self.settings }),
             Applied::Collider(_) | Applied::Stamp(_) => None,
+        }
+    }
+
+    /// Tells everybody who waits for this session why there is no answer.
+    pub(super) fn refuse_all(self, why: &SessionError) {
+        self.next.refuse(why);
+        self.flight.orders.refuse(why);
+        if let Some(job) = self.step {
+            refuse(job.answer, why);
         }
     }
 }

@@ -5,7 +5,8 @@ use std::time::Duration;
 use super::change::StepSpec;
 use super::clock::Clock;
 use super::error::{Check, SessionError};
-use super::simulation::Answer;
+use super::orders::{Answer, Reply};
+use super::simulation::Simulation;
 
 /// Most ticks of one step.
 const MOST_TICKS: u64 = 1_000_000;
@@ -38,11 +39,8 @@ impl Goal {
     /// What a client asks for.
     pub fn new(step: &StepSpec, clock: &Clock) -> Result<Goal, SessionError> {
         let mut check = Check::default();
-        let kinds = [
-            step.ticks.is_some(),
-            step.seconds.is_some(),
-            step.until_settled == Some(true),
-        ];
+        let kinds =
+            [step.ticks.is_some(), step.seconds.is_some(), step.until_settled == Some(true)];
         if kinds.iter().filter(|&&given| given).count() != 1 {
             check.reject("", "exactly one of 'ticks', 'seconds' and 'until_settled' is expected");
         }
@@ -105,6 +103,35 @@ impl StepJob {
             self.slice = self.slice.saturating_mul(2);
         } else if frame > SLICE_TIME.1 {
             self.slice = (self.slice / 2).max(1);
+        }
+    }
+}
+
+impl Simulation {
+    /// Begins a step, or refuses it.
+    pub(super) fn begin_step(&mut self, step: &StepSpec, answer: Answer<()>) {
+        let result = if !self.settings.paused {
+            Err(SessionError::Conflict("a running session can't be stepped; pause it first".into()))
+        } else if self.step.is_some() {
+            Err(SessionError::Conflict("the session is being stepped already".into()))
+        } else {
+            Goal::new(step, &self.clock)
+        };
+        match result {
+            Err(error) => drop(answer.send(Err(error))),
+            Ok(Goal::Settled(_)) if self.settled => self.next.replies.push(Reply::Done(answer)),
+            Ok(goal) => self.step = Some(StepJob::new(goal, answer)),
+        }
+    }
+
+    /// Begins a reset, or refuses it.
+    pub(super) fn begin_reset(&mut self, answer: Answer<()>) {
+        if self.step.is_some() {
+            drop(answer.send(Err(SessionError::Conflict(
+                "the session is being stepped; wait for that".into(),
+            ))));
+        } else {
+            self.reset(answer);
         }
     }
 }

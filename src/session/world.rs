@@ -12,21 +12,20 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::mpsc;
 use tracing::{error, warn};
 
-use crate::engine::frame::{Backend, DeviceInfo, EngineError, Frame, Outcome, Slot};
+use crate::engine::frame::{Backend, EngineError, Frame, Outcome, Slot};
 
-use super::change::{Change, StepSpec};
 use super::clock::FRAME_RATE;
 use super::error::SessionError;
-use super::gather::Gathered;
 use super::handle::Session;
+use super::message::Message;
+use super::orders::{Answer, Reply};
 use super::registry::{Names, Sessions};
-use super::simulation::{Answer, Reply, Simulation};
+use super::simulation::Simulation;
 use super::spec::Limits;
-use super::step::{Goal, StepJob};
-use super::view::{Applied, MassView};
+use super::vitals::Vitals;
 
 /// Requests that may wait for the next frame before senders have to.
 const INBOX: usize = 4096;
@@ -43,64 +42,6 @@ pub struct WorldConfig {
     pub publish_rate: f64,
     /// Whether snow at rest is left alone. It makes no difference to any result.
     pub sleep: bool,
-}
-
-/// How the engine is doing.
-#[derive(Debug)]
-pub struct Vitals {
-    /// The device the snowpacks live on.
-    pub device: DeviceInfo,
-    healthy: AtomicBool,
-    memory: AtomicU64,
-    slipped_us: AtomicU64,
-}
-
-impl Vitals {
-    /// Whether frames are being carried out.
-    pub fn is_healthy(&self) -> bool {
-        self.healthy.load(Ordering::Relaxed)
-    }
-
-    /// Bytes of device memory held for snowpacks.
-    pub fn memory(&self) -> u64 {
-        self.memory.load(Ordering::Relaxed)
-    }
-
-    /// Time by which ticks have slipped behind the wall clock because frames were too slow.
-    pub fn slipped(&self) -> Duration {
-        Duration::from_micros(self.slipped_us.load(Ordering::Relaxed))
-    }
-}
-
-/// What the world can be asked.
-pub(super) enum Message {
-    Create { session: Arc<Session>, reply: Answer<()> },
-    Delete { key: u64, reply: Answer<()> },
-    Change { key: u64, change: Change, reply: Answer<Applied> },
-    Step { key: u64, step: StepSpec, reply: Answer<()> },
-    Reset { key: u64, reply: Answer<()> },
-    Gather { key: u64, tiles: Vec<u32>, reply: Answer<Gathered> },
-    Mass { key: u64, reply: Answer<MassView> },
-    Inspect { key: u64, look: Look, reply: Answer<()> },
-    Stop,
-}
-
-/// Something to be run with a simulation.
-pub(super) type Look = Box<dyn FnOnce(&Simulation) + Send>;
-
-/// Sends a request to the world and waits for its answer.
-pub(super) async fn ask<T>(
-    world: &mpsc::Sender<Message>,
-    message: impl FnOnce(Answer<T>) -> Message,
-) -> Result<T, SessionError> {
-    let (send, receive) = oneshot::channel();
-    world.send(message(send)).await.map_err(|_| stopped())?;
-    receive.await.unwrap_or_else(|_| Err(stopped()))
-}
-
-/// The error of a request that the world can't answer any more.
-pub(super) fn stopped() -> SessionError {
-    SessionError::Unavailable("the engine has stopped".to_owned())
 }
 
 /// The running world. Dropping it leaves the thread running; [`World::stop`] ends it.
@@ -128,8 +69,13 @@ impl World {
             memory: AtomicU64::new(backend.memory()),
             slipped_us: AtomicU64::new(0),
         });
-        let sessions =
-            Sessions::new(names.clone(), send.clone(), vitals.clone(), frames.clone(), config.limits);
+        let sessions = Sessions::new(
+            names.clone(),
+            send.clone(),
+            vitals.clone(),
+            frames.clone(),
+            config.limits,
+        );
         // The runtime only waits: for a request or for the next beat, whatever comes first.
         let clock = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
         let mut engine = Engine {
@@ -440,52 +386,4 @@ impl Engine {
 
 fn gone() -> SessionError {
     SessionError::NotFound { kind: "session", id: "deleted meanwhile".to_owned() }
-}
-
-impl Simulation {
-    fn begin_step(&mut self, step: &StepSpec, answer: Answer<()>) {
-        let result = if !self.settings.paused {
-            Err(SessionError::Conflict("a running session can't be stepped; pause it first".into()))
-        } else if self.step.is_some() {
-            Err(SessionError::Conflict("the session is being stepped already".into()))
-        } else {
-            Goal::new(step, &self.clock)
-        };
-        match result {
-            Err(error) => drop(answer.send(Err(error))),
-            Ok(Goal::Settled(_)) if self.settled => self.next.replies.push(Reply::Done(answer)),
-            Ok(goal) => self.step = Some(StepJob::new(goal, answer)),
-        }
-    }
-
-    fn begin_reset(&mut self, answer: Answer<()>) {
-        if self.step.is_some() {
-            drop(answer.send(Err(SessionError::Conflict(
-                "the session is being stepped; wait for that".into(),
-            ))));
-        } else {
-            self.reset(answer);
-        }
-    }
-
-    /// Tells everybody who waits for this session why there is no answer.
-    fn refuse_all(self, why: &SessionError) {
-        fn refuse<T>(answer: Answer<T>, why: &SessionError) {
-            drop(answer.send(Err(why.clone())));
-        }
-        for orders in [self.next, self.flight.orders] {
-            for reply in orders.replies {
-                match reply {
-                    Reply::Created(answer) | Reply::Done(answer) => refuse(answer, why),
-                    Reply::Change { answer, .. } => refuse(answer, why),
-                    Reply::Snowfall { .. } => {}
-                }
-            }
-            orders.gathers.into_iter().for_each(|(_, answer)| refuse(answer, why));
-            orders.tallies.into_iter().for_each(|answer| refuse(answer, why));
-        }
-        if let Some(job) = self.step {
-            refuse(job.answer, why);
-        }
-    }
 }

@@ -19,7 +19,13 @@ fn load(case: &str) -> Value {
 
 /// Applies what is scheduled. A plain load stands for a plate over all columns, so a plate of the
 /// same width and pressure is put on a grid that holds it.
-fn apply(gpu: &mut dyn Backend, grid: &Grid, spec: &SessionSpec, entry: &Value, plates: &mut Plates) {
+fn apply(
+    gpu: &mut dyn Backend,
+    grid: &Grid,
+    spec: &SessionSpec,
+    entry: &Value,
+    plates: &mut Plates,
+) {
     let number = |name: &str| entry[name].as_f64();
     let edits = match entry["op"].as_str().unwrap() {
         "snowfall" => {
@@ -86,7 +92,8 @@ fn check(case: &str) {
         loop {
             // At tick 0 the state is expected after what is scheduled, later before it.
             let next = schedule.peek().map(|entry| entry["at"].as_u64().unwrap());
-            let until = next.filter(|&at| at < tick || at == 0).map_or(tick, |at| at.max(clock.tick()));
+            let until =
+                next.filter(|&at| at < tick || at == 0).map_or(tick, |at| at.max(clock.tick()));
             while clock.tick() < until {
                 let advance = clock.advance(until - clock.tick(), 1000);
                 let run = advance.run;
@@ -119,7 +126,10 @@ fn compare_state(case: &str, gpu: &mut dyn Backend, grid: &Grid, expected: &Valu
     let (tile, column) = grid.locate(grid.width / 2, grid.depth / 2);
     let at_centre = found[(grid.depth / 2 * grid.width + grid.width / 2) as usize];
     for &found in if loaded { std::slice::from_ref(&at_centre) } else { &found } {
-        assert!((found - height).abs() <= TOLERANCE, "{case}, tick {tick}: {found} m for {height} m");
+        assert!(
+            (found - height).abs() <= TOLERANCE,
+            "{case}, tick {tick}: {found} m for {height} m"
+        );
     }
     let mass: u64 = tiles[tile as usize].column(column).map(|cell| u64::from(cell.mass)).sum();
     let wanted = expected["mass_per_area"].as_f64().unwrap() * firn::snow::MASS_QUANTA;

@@ -85,7 +85,8 @@ fn cells_compact_as_in_the_reference() {
             cpu.create(slot, &level(grid, material)).unwrap();
             let edits: Vec<Edit> = (0..8)
                 .map(|_| {
-                    let depth = grid.cell_size * dice.range(1.0, 0.2 * f64::from(grid.height) + 1.0);
+                    let depth =
+                        grid.cell_size * dice.range(1.0, 0.2 * f64::from(grid.height) + 1.0);
                     let density = dice.range(10.0, 60.0);
                     snow(&grid, dice.rect(&grid), depth, density, dice.range(-30.0, 0.0))
                 })
@@ -130,8 +131,7 @@ fn objects_touch_and_load_the_snow_as_in_the_reference() {
         let material = Material { load_distribution, ..Material::default() };
         let mut layout = level(grid, material);
         // Gentle terrain, so that objects are carried by some of their columns.
-        layout.ground =
-            (0..grid.columns()).map(|_| dice.below(1 << 16) * 2 + 100).collect();
+        layout.ground = (0..grid.columns()).map(|_| dice.below(1 << 16) * 2 + 100).collect();
         gpu.create(slot, &layout).unwrap();
         cpu.create(slot, &layout).unwrap();
         let all = vec![snow(&grid, grid.all(), 2.0, 20.0, -3.0)];

@@ -85,24 +85,53 @@ macro_rules! compare_layout {
 fn host_and_shaders_agree_on_every_struct() {
     let kernel = |name: &str| parse(KERNELS.iter().find(|kernel| kernel.name == name).unwrap());
     let module = kernel("stress");
-    compare_layout!(module, Session {
-        first_tile, tiles_x, width, depth, height, hardness_law, load_distribution,
-        stiffness_exponent, density, densest, metres, gold,
-    });
+    compare_layout!(
+        module,
+        Session {
+            first_tile,
+            tiles_x,
+            width,
+            depth,
+            height,
+            hardness_law,
+            load_distribution,
+            stiffness_exponent,
+            density,
+            densest,
+            metres,
+            gold,
+        }
+    );
     compare_layout!(module, Run { cycles, flags, rate, always_awake });
     compare_layout!(module, Tile { session, page, row, loaded });
     compare_layout!(module, Tally { last_change, active_tiles, mass_low, mass_high });
-    compare_layout!(module, Collider {
-        session, contact, z0, first_span, rows, columns, x0, x1, area, weight, placed, padding,
-    });
-    compare_layout!(module, Contact {
-        bottom, reference, support_low, support_high, area, pressure, width, resting,
-    });
+    compare_layout!(
+        module,
+        Collider {
+            session,
+            contact,
+            z0,
+            first_span,
+            rows,
+            columns,
+            x0,
+            x1,
+            area,
+            weight,
+            placed,
+            padding,
+        }
+    );
+    compare_layout!(
+        module,
+        Contact { bottom, reference, support_low, support_high, area, pressure, width, resting }
+    );
     compare_layout!(module, LoadJob { tile, first_load, loads, padding });
     compare_layout!(module, EditJob { tile, first_operation, operations, padding });
-    compare_layout!(module, Operation {
-        kind, x0, z0, x1, z1, depth, mass, share, temperature, result, padding,
-    });
+    compare_layout!(
+        module,
+        Operation { kind, x0, z0, x1, z1, depth, mass, share, temperature, result, padding }
+    );
     compare_layout!(module, OperationResult { low, high });
     compare_layout!(module, Pass { first, count, cycle, cycles, page, edited, padding });
 }

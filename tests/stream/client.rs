@@ -137,21 +137,27 @@ impl Client {
         self.send_raw(Message::text(request.to_string())).await;
     }
 
+    /// The next message but pings, which come from a silent server too.
     async fn message(&mut self) -> Option<Result<Message, Error>> {
-        timeout(PATIENCE, self.socket.next()).await.expect("the server is silent")
+        let message = async {
+            loop {
+                match self.socket.next().await {
+                    Some(Ok(Message::Ping(_))) => {}
+                    message => return message,
+                }
+            }
+        };
+        timeout(PATIENCE, message).await.expect("the server tells nothing")
     }
 
     /// The next message, whatever it is.
     pub async fn next(&mut self) -> Value {
-        loop {
-            match self.message().await {
-                Some(Ok(Message::Text(text))) => {
-                    assert!(text.len() <= LARGEST, "{} bytes", text.len());
-                    return serde_json::from_str(&text).unwrap();
-                }
-                Some(Ok(Message::Ping(_))) => {}
-                other => panic!("the stream ended: {other:?}"),
+        match self.message().await {
+            Some(Ok(Message::Text(text))) => {
+                assert!(text.len() <= LARGEST, "{} bytes", text.len());
+                serde_json::from_str(&text).unwrap()
             }
+            other => panic!("the stream ended: {other:?}"),
         }
     }
 

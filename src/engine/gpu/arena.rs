@@ -85,8 +85,13 @@ impl Arena {
             table(Resource::Filled, "filled"),
             table(Resource::Ground, "ground"),
         ];
-        let arena =
-            Arena { tiles: Ranges::new(FIRST_TILES), tables, pages: Vec::new(), budget, generation: 0 };
+        let arena = Arena {
+            tiles: Ranges::new(FIRST_TILES),
+            tables,
+            pages: Vec::new(),
+            budget,
+            generation: 0,
+        };
         arena.disown(device, 0..FIRST_TILES);
         arena
     }
@@ -116,7 +121,12 @@ impl Arena {
     ///
     /// # Errors
     /// [`EngineError::OutOfMemory`]; nothing is taken then.
-    pub fn take(&mut self, device: &Device, slot: Slot, layout: &Layout) -> Result<Lot, EngineError> {
+    pub fn take(
+        &mut self,
+        device: &Device,
+        slot: Slot,
+        layout: &Layout,
+    ) -> Result<Lot, EngineError> {
         let count = layout.grid.tiles();
         let height = layout.grid.height;
         let tiles = self.take_tiles(device, count)?;
@@ -197,9 +207,7 @@ impl Arena {
                 rows.take(fitting * height).map(|taken| (number, taken))
             });
             if let Some((page, taken)) = found {
-                places.extend(
-                    taken.step_by(height as usize).map(|row| Place { page, row }),
-                );
+                places.extend(taken.step_by(height as usize).map(|row| Place { page, row }));
             } else if let Err(error) = self.add_page(device, left, height) {
                 self.give_back_places(&places, height);
                 return Err(error);
@@ -211,7 +219,8 @@ impl Arena {
     /// Adds a page that holds `tiles` tiles, or as many as one binding does.
     fn add_page(&mut self, device: &Device, tiles: u32, height: u32) -> Result<(), EngineError> {
         let most = (device.largest_binding() / ROW_BYTES).min(u64::from(u32::MAX / TILE_COLUMNS));
-        let needed = (u64::from(tiles) * u64::from(height)).min(most / u64::from(height) * u64::from(height));
+        let needed = (u64::from(tiles) * u64::from(height))
+            .min(most / u64::from(height) * u64::from(height));
         // Pages grow with the arena, so that there are few of them to dispatch.
         let held: u64 = (0..self.pages.len()).map(|p| u64::from(self.page_rows(p))).sum();
         let ample = held.max(u64::from(SMALLEST_PAGE)).max(needed).min(most);
@@ -269,7 +278,12 @@ impl Arena {
         let rows: Vec<layout::Tile> = lot
             .places
             .iter()
-            .map(|place| layout::Tile { session: slot, page: place.page, row: place.row, loaded: 0 })
+            .map(|place| layout::Tile {
+                session: slot,
+                page: place.page,
+                row: place.row,
+                loaded: 0,
+            })
             .collect();
         self.write(device, Resource::Tiles, lot.tiles.start, &rows);
         self.write(device, Resource::States, lot.tiles.start, &vec![DIRTY; rows.len()]);
@@ -311,7 +325,13 @@ impl Arena {
     }
 
     /// Writes rows of a table ahead of the next submit.
-    pub fn write<T: bytemuck::Pod>(&self, device: &Device, table: Resource, first: u32, rows: &[T]) {
+    pub fn write<T: bytemuck::Pod>(
+        &self,
+        device: &Device,
+        table: Resource,
+        first: u32,
+        rows: &[T],
+    ) {
         if let Some(buffer) = self.table(table) {
             let offset = u64::from(first) * std::mem::size_of::<T>() as u64;
             device.queue.write_buffer(buffer, offset, bytemuck::cast_slice(rows));

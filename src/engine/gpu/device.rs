@@ -63,13 +63,12 @@ impl Device {
                 limits.max_storage_buffers_per_shader_stage
             ));
         }
-        let (device, queue) =
-            pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-                label: Some("firn"),
-                required_limits: limits,
-                ..Default::default()
-            }))
-            .map_err(|error| error.to_string())?;
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("firn"),
+            required_limits: limits,
+            ..Default::default()
+        }))
+        .map_err(|error| error.to_string())?;
         let info = adapter.get_info();
         let failure = Arc::new(Mutex::new(None));
         let note = |failure: &Arc<Mutex<Option<String>>>| {
@@ -90,10 +89,7 @@ impl Device {
         Ok(Device {
             device,
             queue,
-            info: DeviceInfo {
-                adapter: info.name,
-                backend: info.backend.to_str().to_owned(),
-            },
+            info: DeviceInfo { adapter: info.name, backend: info.backend.to_str().to_owned() },
             failure,
         })
     }

@@ -270,7 +270,10 @@ impl Kernel {
     }
 }
 
-fn layout_entry(binding: u32, &(resource, access): &(Resource, Access)) -> wgpu::BindGroupLayoutEntry {
+fn layout_entry(
+    binding: u32,
+    &(resource, access): &(Resource, Access),
+) -> wgpu::BindGroupLayoutEntry {
     let uniform = resource == Resource::Work;
     let ty = if uniform {
         wgpu::BufferBindingType::Uniform

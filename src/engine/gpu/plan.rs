@@ -7,7 +7,9 @@ use crate::snow::{ColumnRect, REFERENCE_CELL_SIZE};
 
 use super::device::Device;
 use super::kernels::KernelId;
-use super::layout::{CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run, WAKE};
+use super::layout::{
+    CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run, WAKE,
+};
 use super::resident::{Body, Resident};
 use super::tables::Tables;
 
@@ -50,11 +52,7 @@ struct Edited {
 impl Planner<'_> {
     /// Plans the edits of one round of all snowpacks: snow falls, then contacts and stresses are
     /// evaluated.
-    pub fn edits(
-        &mut self,
-        residents: &mut BTreeMap<Slot, Resident>,
-        rounds: Vec<(Slot, Round)>,
-    ) {
+    pub fn edits(&mut self, residents: &mut BTreeMap<Slot, Resident>, rounds: Vec<(Slot, Round)>) {
         let first_collider = self.tables.colliders.len();
         let mut edited = Edited::default();
         for (slot, round) in rounds {
@@ -97,10 +95,12 @@ impl Planner<'_> {
                     stressed.extend(tiles.iter().copied());
                     let old = resident.bodies.get(&id);
                     stressed.extend(old.iter().flat_map(|old| old.tiles.iter().copied()));
-                    let contact =
-                        old.map_or_else(|| self.tables.take_contact(self.device), |old| old.contact);
+                    let contact = old
+                        .map_or_else(|| self.tables.take_contact(self.device), |old| old.contact);
                     let placed = placed || old.is_some_and(|old| old.placed);
-                    resident.bodies.insert(id, Body { placement: collider, contact, tiles, placed });
+                    resident
+                        .bodies
+                        .insert(id, Body { placement: collider, contact, tiles, placed });
                     moved = true;
                 }
                 Edit::RemoveCollider { id } => {
@@ -193,9 +193,8 @@ impl Planner<'_> {
         self.tables.runs.fill(Run::default());
         for (work, &edits) in work.iter().zip(edits) {
             let flag = |set: bool, flag: u32| if set { flag } else { 0 };
-            let flags = flag(work.wake, WAKE)
-                | flag(work.publish, PUBLISH)
-                | flag(edits > 0, EDITED);
+            let flags =
+                flag(work.wake, WAKE) | flag(work.publish, PUBLISH) | flag(edits > 0, EDITED);
             self.tables.runs[work.slot as usize] = Run {
                 cycles: work.run.cycles,
                 flags,

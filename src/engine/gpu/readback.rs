@@ -7,9 +7,7 @@ use std::time::Duration;
 
 use bytemuck::Pod;
 
-use crate::engine::frame::{
-    EngineError, Outcome, Slot, TileCells, TileHeights, Work, WorkOutcome,
-};
+use crate::engine::frame::{EngineError, Outcome, Slot, TileCells, TileHeights, Work, WorkOutcome};
 use crate::snow::TILE_COLUMNS;
 
 use super::arena::{Arena, Place};
@@ -310,7 +308,8 @@ impl Copies {
         let mut results = results.into_iter().map(|row| join(row.low, row.high));
         for work in &self.work {
             let tally = tallies[work.slot as usize];
-            let contact = |(id, row): &(Arc<str>, u32)| (id.clone(), contacts[*row as usize].into());
+            let contact =
+                |(id, row): &(Arc<str>, u32)| (id.clone(), contacts[*row as usize].into());
             outcome.work.push(WorkOutcome {
                 slot: work.slot,
                 edits: results.by_ref().take(work.edits as usize).collect(),

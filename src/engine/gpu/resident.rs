@@ -50,7 +50,11 @@ impl Resident {
     }
 
     /// Rows of its objects, in ascending order of ids; `first_span` counts the spans before them.
-    pub fn collider_rows(&self, slot: Slot, first_span: u32) -> (Vec<layout::Collider>, Vec<[u32; 2]>) {
+    pub fn collider_rows(
+        &self,
+        slot: Slot,
+        first_span: u32,
+    ) -> (Vec<layout::Collider>, Vec<[u32; 2]>) {
         let mut spans = Vec::new();
         let mut rows = Vec::with_capacity(self.bodies.len());
         for body in self.bodies.values() {

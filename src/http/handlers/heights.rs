@@ -98,6 +98,12 @@ pub struct Origin {
     column_z: u32,
 }
 
+/// Snow depths as 32-bit floats, little-endian, row by row.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+#[expect(dead_code, reason = "it only describes the answer")]
+pub struct Floats(Vec<u8>);
+
 /// Read snow depths
 ///
 /// Of all columns, or of a region, or of every second, fourth or eighth column. By `Accept` as JSON
@@ -110,7 +116,7 @@ pub struct Origin {
     params(SessionPath, HeightsQuery),
     responses(
         (status = 200, description = "Snow depths in metres, row by row",
-            content((HeightsView = "application/json"), (Vec<u8> = "application/octet-stream")),
+            content((HeightsView = "application/json"), (Floats = "application/octet-stream")),
             headers(
                 ("Firn-Tick" = u64, description = "Tick at which they hold"),
                 ("Firn-Seq" = u64, description = "Seq at which they hold")

@@ -1,0 +1,44 @@
+//! Requests to the world's thread, each with a channel for its answer.
+
+use std::sync::Arc;
+
+use tokio::sync::{mpsc, oneshot};
+
+use super::change::{Change, StepSpec};
+use super::error::SessionError;
+use super::gather::Gathered;
+use super::handle::Session;
+use super::orders::Answer;
+use super::simulation::Simulation;
+use super::view::{Applied, MassView};
+
+/// What the world can be asked.
+pub(super) enum Message {
+    Create { session: Arc<Session>, reply: Answer<()> },
+    Delete { key: u64, reply: Answer<()> },
+    Change { key: u64, change: Change, reply: Answer<Applied> },
+    Step { key: u64, step: StepSpec, reply: Answer<()> },
+    Reset { key: u64, reply: Answer<()> },
+    Gather { key: u64, tiles: Vec<u32>, reply: Answer<Gathered> },
+    Mass { key: u64, reply: Answer<MassView> },
+    Inspect { key: u64, look: Look, reply: Answer<()> },
+    Stop,
+}
+
+/// Something to be run with a simulation.
+pub(super) type Look = Box<dyn FnOnce(&Simulation) + Send>;
+
+/// Sends a request to the world and waits for its answer.
+pub(super) async fn ask<T>(
+    world: &mpsc::Sender<Message>,
+    message: impl FnOnce(Answer<T>) -> Message,
+) -> Result<T, SessionError> {
+    let (send, receive) = oneshot::channel();
+    world.send(message(send)).await.map_err(|_| stopped())?;
+    receive.await.unwrap_or_else(|_| Err(stopped()))
+}
+
+/// The error of a request that the world can't answer any more.
+pub(super) fn stopped() -> SessionError {
+    SessionError::Unavailable("the engine has stopped".to_owned())
+}

@@ -1,0 +1,103 @@
+//! What a session has to do in a frame, and who waits for it.
+
+use std::sync::Arc;
+
+use tokio::sync::oneshot;
+
+use crate::engine::frame::Edit;
+
+use super::clock::{Advance, Clock};
+use super::error::SessionError;
+use super::gather::Gathered;
+use super::view::{Applied, MassView};
+
+/// Answer channel of a request.
+pub(super) type Answer<T> = oneshot::Sender<Result<T, SessionError>>;
+
+/// What is waiting for the next frame.
+#[derive(Debug, Default)]
+pub(super) struct Orders {
+    pub edits: Vec<Edit>,
+    pub wake: bool,
+    pub replies: Vec<Reply>,
+    /// Columns and tiles wanted.
+    pub gathers: Vec<(Vec<u32>, Answer<Gathered>)>,
+    pub tallies: Vec<Answer<MassView>>,
+    /// Settings, colliders or anything else that has no tile changed.
+    pub changed: bool,
+    /// Edits that came before the reset, where there is one.
+    pub reset: Option<usize>,
+}
+
+/// What went with the frame in flight.
+#[derive(Debug, Default)]
+pub(super) struct Flight {
+    pub orders: Orders,
+    pub advance: Advance,
+    pub clock_before: Option<Clock>,
+    pub publish: bool,
+}
+
+/// An answer that is due when the frame is published.
+#[derive(Debug)]
+pub(super) enum Reply {
+    /// To the change that made a snowpack.
+    Created(Answer<()>),
+    /// To a reset, and to a step that has ended.
+    Done(Answer<()>),
+    /// To a change; `edit` counts the edits of the frame.
+    Change { kind: ReplyKind, answer: Answer<Applied> },
+    /// To nobody: snow that fell by itself. Only the ledger wants to know what was refused.
+    Snowfall { edit: usize },
+}
+
+/// What the answer to a change tells.
+#[derive(Clone, Debug)]
+pub(super) enum ReplyKind {
+    /// `refused` is what was refused without asking the backend.
+    Snowfall {
+        edit: usize,
+        fallen: u64,
+        refused: u64,
+    },
+    Clearing {
+        edit: usize,
+    },
+    AirTemperature,
+    Collider {
+        id: Arc<str>,
+        created: bool,
+    },
+    Settings,
+    Stamp,
+}
+
+impl Orders {
+    /// Whether somebody waits for a frame.
+    pub fn are_urgent(&self) -> bool {
+        !self.edits.is_empty() || self.want_answers()
+    }
+
+    /// Whether somebody waits for a frame to be published.
+    pub fn want_answers(&self) -> bool {
+        !self.replies.is_empty() || !self.gathers.is_empty() || !self.tallies.is_empty()
+    }
+
+    /// Tells everybody who waits why there is no answer.
+    pub fn refuse(self, why: &SessionError) {
+        for reply in self.replies {
+            match reply {
+                Reply::Created(answer) | Reply::Done(answer) => refuse(answer, why),
+                Reply::Change { answer, .. } => refuse(answer, why),
+                Reply::Snowfall { .. } => {}
+            }
+        }
+        self.gathers.into_iter().for_each(|(_, answer)| refuse(answer, why));
+        self.tallies.into_iter().for_each(|answer| refuse(answer, why));
+    }
+}
+
+/// Answers with an error. Whoever has gone away needs none.
+pub(super) fn refuse<T>(answer: Answer<T>, why: &SessionError) {
+    drop(answer.send(Err(why.clone())));
+}
