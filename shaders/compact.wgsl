@@ -18,21 +18,9 @@
 @group(0) @binding(12) var<storage, read> stress: array<f32>;
 
 const THREADS: u32 = 256u;
-const LARGEST_INDENT: f32 = 0.99;
 
 var<workgroup> lost: array<atomic<u32>, 64>;
 var<workgroup> last_change: atomic<u32>;
-
-// Indent of one cycle in thickness quanta, rounded down.
-fn indent(session: Session, rate: f32, cell_mass: f32, d: f32, cell_temperature: f32, sigma: f32) -> u32 {
-    let density = cell_mass / d * session.density;
-    let excess = sigma - hardness(session, density, cell_temperature);
-    if !(excess > 0.0) {
-        return 0u;
-    }
-    let x = excess / pow(density, session.stiffness_exponent) * rate * d;
-    return u32(min(x, LARGEST_INDENT * d));
-}
 
 @compute @workgroup_size(256)
 fn compact(
@@ -71,7 +59,7 @@ fn compact(
         var d = before;
         var cycle = 0u;
         for (; cycle < cycles; cycle++) {
-            let x = indent(session, run.rate, cell_mass, f32(d), cell_temperature, sigma);
+            let x = indent_of(session, run.rate, cell_mass, f32(d), cell_temperature, sigma);
             let next = max(d - x, max(min(densest, d), 1u));
             if next == d {
                 break;

@@ -1,13 +1,14 @@
 //! Firn simulates snowpacks on the GPU and serves them over HTTP and WebSocket.
 //!
-//! Modules depend on each other in one direction: `cli` → `http`, `stream` → `session` → `engine`
-//! → `snow`. `docs/architecture.md` describes how they work together.
+//! Modules depend on each other in one direction: `cli` → `http`, `stream`, `experiment` →
+//! `session` → `engine` → `snow`. `docs/architecture.md` describes how they work together.
 
 #![deny(missing_docs)]
 
 pub mod cli;
 pub mod config;
 pub mod engine;
+pub mod experiment;
 pub mod http;
 pub mod problem;
 pub mod session;

@@ -63,6 +63,7 @@ fn it_lists_every_call() {
         "get /height",
         "get /columns/{column_x}/{column_z}",
         "get /mass",
+        "post /probes",
         "get /stream",
     ] {
         let (method, path) = call.split_once(' ').expect("a method and a path");

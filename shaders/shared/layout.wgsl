@@ -142,6 +142,36 @@ struct OperationResult {
     high: atomic<u32>,
 }
 
+// A box of the fixed grid that is asked for.
+struct SampleJob {
+    session: u32,
+    // First of its samples: x fastest, then y, then z.
+    first: u32,
+    x0: u32,
+    y0: u32,
+    z0: u32,
+    width: u32,
+    height: u32,
+    depth: u32,
+    // Cycle length over the reference cell size [s/m].
+    rate: f32,
+    padding: u32,
+}
+
+// A cell of the fixed grid, or sums over a part of one.
+struct Sample {
+    content: u32,
+    fill: f32,
+    mass: f32,
+    density: f32,
+    temperature: f32,
+    hardness: f32,
+    stiffness: f32,
+    stress: f32,
+    load_stress: f32,
+    indent: f32,
+}
+
 // What one dispatch works on.
 struct Pass {
     // First entry of its list, and how many there are.

@@ -1,7 +1,10 @@
-// Hardness and stiffness of snow; the twin of src/snow/material.rs.
+// Hardness of snow and how far it gives way; the twin of src/snow/material.rs and of Compaction in
+// src/snow/column.rs.
 
 const CALIBRATED: u32 = 0u;
 const REGRESSION: u32 = 1u;
+// Part of its thickness by which a cell is compacted in one cycle at the most.
+const LARGEST_INDENT: f32 = 0.99;
 
 // The regression polynomial of Barakhtanov et al. with its two disputed cubic coefficients.
 fn polynomial(r: f32, t: f32, a: f32, b: f32) -> f32 {
@@ -34,4 +37,22 @@ fn hardness(session: Session, density: f32, temperature: f32) -> f32 {
         return polynomial(density, temperature, 0.261043, -0.00032);
     }
     return session.gold * pow(density / 20.0, 3.92) * exp(-0.063 * (temperature + 3.0));
+}
+
+// Indent of one cycle in thickness quanta, rounded down.
+fn indent_of(
+    session: Session,
+    rate: f32,
+    cell_mass: f32,
+    d: f32,
+    cell_temperature: f32,
+    sigma: f32,
+) -> u32 {
+    let density = cell_mass / d * session.density;
+    let excess = sigma - hardness(session, density, cell_temperature);
+    if !(excess > 0.0) {
+        return 0u;
+    }
+    let x = excess / pow(density, session.stiffness_exponent) * rate * d;
+    return u32(min(x, LARGEST_INDENT * d));
 }

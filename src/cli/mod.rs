@@ -1,6 +1,7 @@
 //! The command line: one file per subcommand.
 
 mod demo;
+mod experiment;
 mod openapi;
 mod serve;
 
@@ -28,6 +29,13 @@ enum Command {
     /// it at once.
     #[command(after_help = serve::EXAMPLES)]
     Serve(Serve),
+    /// Repeat the experiments of the thesis that the model comes from
+    ///
+    /// Prints the thesis's figures, those of an independent program and Firn's beside each other,
+    /// and writes figures and numbers into a directory. Exits with 1 where a result is not what it
+    /// should be.
+    #[command(after_help = experiment::EXAMPLES)]
+    Experiment(experiment::Options),
     /// Print the OpenAPI document of the REST interface
     Openapi,
 }
@@ -45,6 +53,7 @@ pub enum Failure {
 pub fn run() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Serve(options) => serve::run(&options),
+        Command::Experiment(options) => experiment::run(&options),
         Command::Openapi => openapi::run(),
     };
     match result {

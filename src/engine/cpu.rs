@@ -88,6 +88,11 @@ impl CpuBackend {
         let height = snowpack.grid().height;
         outcome.gathered =
             work.gather.iter().map(|&tile| tile_cells(snowpack.tile(tile), height)).collect();
+        outcome.samples = work
+            .samples
+            .iter()
+            .map(|wanted| snowpack.sample(wanted.columns, wanted.y0, wanted.height, wanted.dt))
+            .collect();
         Ok(outcome)
     }
 }

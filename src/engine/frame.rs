@@ -5,7 +5,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::snow::{ColumnRect, Contact, Footprint, Grid, Material, TILE_COLUMNS};
+use crate::snow::{ColumnRect, Contact, Footprint, Grid, Material, Sample, TILE_COLUMNS};
 
 /// A snowpack's row in the backend's tables.
 pub type Slot = u32;
@@ -45,6 +45,28 @@ pub struct Work {
     pub tally: bool,
     /// Tiles whose cells are to be read back after the cycles.
     pub gather: Vec<u32>,
+    /// Boxes of the fixed grid that are to be sampled after the cycles.
+    pub samples: Vec<SampleBox>,
+}
+
+/// A box of the fixed grid, inside of the snowpack's columns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampleBox {
+    /// The columns.
+    pub columns: ColumnRect,
+    /// First cell above the lowest ground.
+    pub y0: u32,
+    /// Cells along y.
+    pub height: u32,
+    /// Length of a cycle \[s\], for the indent.
+    pub dt: f64,
+}
+
+impl SampleBox {
+    /// Cells in the box.
+    pub fn cells(&self) -> u64 {
+        self.columns.columns() * u64::from(self.height)
+    }
 }
 
 /// A number of equal cycles.
@@ -134,6 +156,8 @@ pub struct WorkOutcome {
     pub contacts: Vec<(Arc<str>, Contact)>,
     /// Cells of the tiles in `gather`, in its order.
     pub gathered: Vec<TileCells>,
+    /// The boxes in `samples`, in its order: x fastest, then y, then z.
+    pub samples: Vec<Vec<Sample>>,
 }
 
 /// Column heights of one tile.

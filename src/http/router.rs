@@ -19,8 +19,8 @@ use crate::stream;
 
 use super::docs::Document;
 use super::handlers::{
-    air_temperature, clearings, colliders, columns, health, height, heights, mass, openapi,
-    sessions, snowfalls,
+    air_temperature, cells, clearings, colliders, columns, health, height, heights, mass, openapi,
+    probes, sessions, snowfalls,
 };
 use super::state::App;
 
@@ -53,7 +53,9 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(heights::get))
         .routes(routes!(height::get))
         .routes(routes!(columns::get))
+        .routes(routes!(cells::get))
         .routes(routes!(mass::get))
+        .routes(routes!(probes::create))
         .routes(routes!(health::livez))
         .routes(routes!(health::readyz))
         .routes(routes!(openapi::get))

@@ -1,7 +1,7 @@
 //! Views made of the cells themselves, read back from the device on demand.
 
 use crate::engine::frame::TileCells;
-use crate::snow::{CELL, Cell, Grid, MASS_QUANTA, Material, TILE_COLUMNS};
+use crate::snow::{CELL, Cell, Grid, MASS_QUANTA, Material, Sample, TILE_COLUMNS};
 
 use super::view::{ColumnView, LayerView, MassView, Stamp};
 
@@ -14,6 +14,15 @@ pub struct Gathered {
     pub material: Material,
     /// The tiles, in the order asked for.
     pub tiles: Vec<TileCells>,
+}
+
+/// A box of the fixed grid, and when it was as it is here.
+#[derive(Clone, Debug)]
+pub struct Sampled {
+    /// When.
+    pub stamp: Stamp,
+    /// The cells: x fastest, then y, then z.
+    pub cells: Vec<Sample>,
 }
 
 /// Mass that has gone in and out of a snowpack, in quanta summed over its columns.

@@ -9,9 +9,11 @@ use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
 
 use crate::engine::frame::TileCells;
+use crate::snow::{CELL, ColumnRect};
 
 use super::change::{Change, StepSpec};
 use super::error::SessionError;
+use super::gather::Sampled;
 use super::message::{self, Message};
 use super::mirror::Mirror;
 use super::simulation::Simulation;
@@ -224,6 +226,26 @@ impl Session {
         Ok(self.gather(tiles).await?.tiles)
     }
 
+    /// The fixed grid's cells `y0..y0 + height` of some columns inside the grid.
+    ///
+    /// # Errors
+    /// [`SessionError::Unavailable`].
+    pub async fn sample(
+        &self,
+        columns: ColumnRect,
+        y0: u32,
+        height: u32,
+    ) -> Result<Sampled, SessionError> {
+        self.ask(|reply| Message::Sample { key: self.key, columns, y0, height, reply }).await
+    }
+
+    /// Cells of the fixed grid along y: the slots of a column, on the highest ground.
+    pub fn sampled_height(&self) -> u32 {
+        let ground = Simulation::layout(&self.spec).ground;
+        let highest = ground.into_iter().max().unwrap_or(0);
+        self.spec.grid.height + highest.div_ceil(CELL / 2)
+    }
+
     /// Runs a closure on the world's thread with the session's simulation, for diagnosis.
     ///
     /// # Errors
@@ -240,7 +262,7 @@ impl Session {
         receive.await.map_err(|_| message::stopped())
     }
 
-    async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
+    pub(super) async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
         self.ask(|reply| Message::Gather { key: self.key, tiles, reply }).await
     }
 

@@ -4,9 +4,11 @@ use std::sync::Arc;
 
 use tokio::sync::{mpsc, oneshot};
 
+use crate::snow::ColumnRect;
+
 use super::change::{Change, StepSpec};
 use super::error::SessionError;
-use super::gather::Gathered;
+use super::gather::{Gathered, Sampled};
 use super::handle::Session;
 use super::orders::Answer;
 use super::simulation::Simulation;
@@ -20,6 +22,7 @@ pub(super) enum Message {
     Step { key: u64, step: StepSpec, reply: Answer<()> },
     Reset { key: u64, reply: Answer<()> },
     Gather { key: u64, tiles: Vec<u32>, reply: Answer<Gathered> },
+    Sample { key: u64, columns: ColumnRect, y0: u32, height: u32, reply: Answer<Sampled> },
     Mass { key: u64, reply: Answer<MassView> },
     Inspect { key: u64, look: Look, reply: Answer<()> },
     Stop,

@@ -10,6 +10,7 @@ mod handle;
 mod message;
 mod mirror;
 mod orders;
+mod probe;
 mod publish;
 mod registry;
 mod simulation;
@@ -27,8 +28,10 @@ pub use change::{
 };
 pub use clock::{Clock, FRAME_RATE};
 pub use error::{Invalid, SessionError};
+pub use gather::{Gathered, Sampled};
 pub use handle::{Event, Session};
 pub use mirror::{Mirror, TileColumns};
+pub use probe::{Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use registry::Sessions;
 pub use simulation::Simulation;
 pub use spec::{Limits, SessionSpec, SnowLayer, Terrain, is_valid_id};

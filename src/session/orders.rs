@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use tokio::sync::oneshot;
 
-use crate::engine::frame::Edit;
+use crate::engine::frame::{Edit, SampleBox};
 
 use super::clock::{Advance, Clock};
 use super::error::SessionError;
-use super::gather::Gathered;
+use super::gather::{Gathered, Sampled};
 use super::view::{Applied, MassView};
 
 /// Answer channel of a request.
@@ -23,6 +23,8 @@ pub(super) struct Orders {
     /// Columns and tiles wanted.
     pub gathers: Vec<(Vec<u32>, Answer<Gathered>)>,
     pub tallies: Vec<Answer<MassView>>,
+    /// Boxes of the fixed grid wanted.
+    pub samples: Vec<(SampleBox, Answer<Sampled>)>,
     /// Settings, colliders or anything else that has no tile changed.
     pub changed: bool,
     /// Edits that came before the reset, where there is one.
@@ -80,7 +82,10 @@ impl Orders {
 
     /// Whether somebody waits for a frame to be published.
     pub fn want_answers(&self) -> bool {
-        !self.replies.is_empty() || !self.gathers.is_empty() || !self.tallies.is_empty()
+        !self.replies.is_empty()
+            || !self.gathers.is_empty()
+            || !self.tallies.is_empty()
+            || !self.samples.is_empty()
     }
 
     /// Tells everybody who waits why there is no answer.
@@ -94,6 +99,7 @@ impl Orders {
         }
         self.gathers.into_iter().for_each(|(_, answer)| refuse(answer, why));
         self.tallies.into_iter().for_each(|answer| refuse(answer, why));
+        self.samples.into_iter().for_each(|(_, answer)| refuse(answer, why));
     }
 }
 

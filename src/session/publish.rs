@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError};
 use crate::engine::frame::{TileHeights, WorkOutcome};
 use crate::snow::{CELL, Contact, Grid};
 
-use super::gather::Gathered;
+use super::gather::{Gathered, Sampled};
 use super::handle::Event;
 use super::mirror::Mirror;
 use super::orders::{Orders, Reply, ReplyKind};
@@ -126,6 +126,9 @@ impl Simulation {
         for answer in orders.tallies {
             let grid = &self.session.spec.grid;
             drop(answer.send(Ok(self.ledger.view(stamp, outcome.mass, grid))));
+        }
+        for ((_, answer), cells) in orders.samples.into_iter().zip(outcome.samples) {
+            drop(answer.send(Ok(Sampled { stamp, cells })));
         }
         let mut gathered = outcome.gathered.into_iter();
         for (wanted, answer) in orders.gathers {

@@ -183,6 +183,11 @@ impl Simulation {
         Some(Arc::new(Placement { mass: collider.mass, footprint }))
     }
 
+    /// Length of the last cycle \[s\]; of the next one where there was none.
+    pub(super) fn cycle_length(&self) -> f64 {
+        self.last_dt.or(self.clock.steady_cycle()).unwrap_or(0.0)
+    }
+
     /// Whether nothing can move in any later tick, so that ticks pass by themselves.
     pub(super) fn is_resting(&self) -> bool {
         self.still
@@ -240,6 +245,7 @@ impl Simulation {
             run,
             publish,
             tally: !orders.tallies.is_empty(),
+            samples: orders.samples.iter().map(|(wanted, _)| *wanted).collect(),
             gather: orders.gathers.iter().flat_map(|(tiles, _)| tiles.iter().copied()).collect(),
         };
         self.flight = Flight { orders, advance, clock_before: Some(clock_before), publish };

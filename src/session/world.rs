@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use tracing::{error, warn};
 
-use crate::engine::frame::{Backend, EngineError, Frame, Outcome, Slot};
+use crate::engine::frame::{Backend, EngineError, Frame, Outcome, SampleBox, Slot};
 
 use super::clock::FRAME_RATE;
 use super::error::SessionError;
@@ -307,6 +307,12 @@ impl Engine {
             }
             Message::Gather { key, tiles, reply } => {
                 self.order(key, reply, |sim, reply| sim.next.gathers.push((tiles, reply)));
+            }
+            Message::Sample { key, columns, y0, height, reply } => {
+                self.order(key, reply, |sim, reply| {
+                    let dt = sim.cycle_length();
+                    sim.next.samples.push((SampleBox { columns, y0, height, dt }, reply));
+                });
             }
             Message::Mass { key, reply } => {
                 self.order(key, reply, |sim, reply| sim.next.tallies.push(reply));

@@ -3,6 +3,8 @@
 //! Masses and thicknesses are integers, so that sums are exact; what happens in a cell in one cycle
 //! is computed in f32, as on the GPU.
 
+mod equilibrium;
+
 use super::grid::{CELL, Grid};
 use super::material::{GRAVITY, LoadDistribution, Material, REFERENCE_CELL_SIZE};
 use super::recut::recut;
@@ -203,10 +205,10 @@ fn spread(distribution: LoadDistribution, depth: f32, width: f32, top: bool) -> 
 }
 
 /// The law by which a cell compacts, with its constants for one grid, material and Δt.
-struct Compaction<'a> {
+pub(super) struct Compaction<'a> {
     material: &'a Material,
     /// Density \[kg/m³\] of one mass quantum in one thickness quantum.
-    density: f32,
+    pub(super) density: f32,
     /// Thickness quanta of one mass quantum at the largest density.
     densest: f32,
     /// Δt / h_ref \[s/m\].
@@ -214,7 +216,7 @@ struct Compaction<'a> {
 }
 
 impl Compaction<'_> {
-    fn new<'a>(grid: &Grid, material: &'a Material, dt: f32) -> Compaction<'a> {
+    pub(super) fn new<'a>(grid: &Grid, material: &'a Material, dt: f32) -> Compaction<'a> {
         // Quanta of thickness are 2⁶ times as fine as those of mass.
         let density = 64.0 / grid.cell_size;
         Compaction {
@@ -243,7 +245,7 @@ impl Compaction<'_> {
     }
 
     /// Indent of one cycle in thickness quanta, rounded down.
-    fn indent(&self, cell: &Cell, mass: f32) -> u32 {
+    pub(super) fn indent(&self, cell: &Cell, mass: f32) -> u32 {
         let thickness = cell.thickness as f32;
         let density = mass / thickness * self.density;
         let excess = cell.stress - self.material.hardness(density, cell.temperature);

@@ -7,6 +7,7 @@ mod column;
 mod grid;
 mod material;
 mod recut;
+mod sample;
 mod snowpack;
 
 pub use collider::{
@@ -20,4 +21,5 @@ pub use grid::{
 pub use material::{
     GRAVITY, HardnessLaw, LoadDistribution, Material, REFERENCE_CELL_SIZE, gold_prefactor,
 };
+pub use sample::{Content, Sample, sample_column};
 pub use snowpack::Snowpack;

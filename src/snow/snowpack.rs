@@ -3,6 +3,7 @@
 mod tile;
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -11,6 +12,7 @@ use super::collider::{Contact, Footprint};
 use super::column::Column;
 use super::grid::{ColumnRect, Grid, TILE_COLUMNS};
 use super::material::Material;
+use super::sample::{Sample, sample_column};
 use tile::Tile;
 
 /// An object on the snow.
@@ -214,6 +216,30 @@ impl Snowpack {
     /// The 64 columns of a tile, those outside the grid empty; `None` where there is no such tile.
     pub fn tile(&self, tile: u32) -> Option<&[Column]> {
         self.tiles.get(tile as usize).map(|tile| tile.columns.as_slice())
+    }
+
+    /// Samples the fixed grid's cells `y0..y0 + height` of some columns, with the indent of a
+    /// cycle of `dt` seconds: x fastest, then y, then z.
+    pub fn sample(&self, rect: ColumnRect, y0: u32, height: u32, dt: f64) -> Vec<Sample> {
+        let width = (rect.x1 - rect.x0) as usize;
+        let layer = width * height as usize;
+        let mut samples = vec![Sample::default(); layer * (rect.z1 - rect.z0) as usize];
+        samples.par_chunks_mut(layer.max(1)).zip(rect.z0..rect.z1).for_each(|(layer, z)| {
+            for x in rect.x0..rect.x1 {
+                let column = self.sample_column(x, z, y0..y0 + height, dt);
+                let cells = layer.iter_mut().skip((x - rect.x0) as usize).step_by(width);
+                cells.zip(column).for_each(|(cell, sample)| *cell = sample);
+            }
+        });
+        samples
+    }
+
+    fn sample_column(&self, x: u32, z: u32, range: Range<u32>, dt: f64) -> Vec<Sample> {
+        let (tile, column) = self.grid.locate(x, z);
+        let tile = &self.tiles[tile as usize];
+        let cells = tile.columns[column as usize].cells.iter().copied();
+        let ground = tile.ground[column as usize];
+        sample_column(&self.grid, &self.material, dt as f32, ground, cells, range)
     }
 
     /// Tiles that are awake.

@@ -10,6 +10,7 @@ mod socket;
 mod subscription;
 mod tiles;
 
+use axum::extract::rejection::PathRejection;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::{Path, State};
@@ -55,9 +56,10 @@ const BUFFER: usize = 16 * 1024;
 )]
 pub async fn stream(
     State(app): State<App>,
-    Path(id): Path<String>,
+    path: Result<Path<String>, PathRejection>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
+    let Path(id) = path?;
     let session = app.sessions.get(&id)?;
     let upgrade = upgrade.map_err(|rejection| {
         Problem::malformed(format!("a stream begins with a WebSocket upgrade: {rejection}"))

@@ -101,7 +101,7 @@ where
                 Poll::Pending => pending,
             }
         }
-        Err(refusal) => at_once(Next::Text(answer::refusal(refusal.id, refusal.problem))),
+        Err(refusal) => at_once(Next::Text(answer::refusal(refusal.id, *refusal.problem))),
     }
 }
 

@@ -111,7 +111,7 @@ pub struct Refusal {
     /// The client's number for it, where it could be read.
     pub id: Option<i64>,
     /// What is wrong with it.
-    pub problem: Problem,
+    pub problem: Box<Problem>,
 }
 
 /// Body of an operation that has no fields.
@@ -139,7 +139,7 @@ impl Request {
     /// # Errors
     /// Says what is wrong with it: 400 where it is not JSON, 422 where a field is.
     pub fn parse(text: &str) -> Result<Request, Refusal> {
-        let refuse = |id| move |problem| Refusal { id, problem };
+        let refuse = |id| move |problem| Refusal { id, problem: Box::new(problem) };
         let mut fields: Map<String, Value> =
             problem::parse(text.as_bytes()).map_err(refuse(None))?;
         let id = take_id(&mut fields).map_err(refuse(None))?;

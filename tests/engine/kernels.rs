@@ -1,6 +1,6 @@
 //! Every kernel beside its twin, on random inputs.
 
-use firn::engine::frame::{Backend, Edit, Work};
+use firn::engine::frame::{Backend, Edit, SampleBox, Work};
 use firn::snow::{Grid, HardnessLaw, LoadDistribution, Material, Shape};
 
 use crate::support::*;
@@ -223,5 +223,52 @@ fn snow_after_an_object_in_one_frame_does_not_count_as_sinking() {
         let contact = outcome.contacts[0].1;
         assert_eq!(grid.metres(2 * u64::from(contact.reference)), 1.0);
         assert_eq!(grid.metres(2 * u64::from(contact.bottom)), 1.5);
+    }
+}
+
+#[test]
+fn the_fixed_grid_is_sampled_as_in_the_reference() {
+    let Some(mut gpu) = gpu(false) else { return };
+    let mut cpu = cpu();
+    let mut dice = Dice::new(6);
+    for (slot, hardness_law) in (0..).zip(LAWS) {
+        let grid = Grid { width: 19, depth: 13, height: 14, cell_size: 0.2 };
+        let material = Material { hardness_law, ..Material::default() };
+        let mut layout = level(grid, material);
+        layout.ground = (0..grid.columns()).map(|_| dice.below(1 << 25)).collect();
+        let edits: Vec<Edit> = (0..7).map(|_| dice.weather(&grid, &material)).collect();
+        let plate = put(&grid, "a", 90.0, Shape::Disk { radius: 0.8 }, 1.5, 1.2);
+        let boxes = vec![
+            SampleBox { columns: grid.all(), y0: 0, height: 30, dt: 0.1 },
+            SampleBox { columns: dice.rect(&grid), y0: 3, height: 4, dt: 0.1 },
+        ];
+        let mut samples = Vec::new();
+        for backend in [&mut gpu as &mut dyn Backend, &mut cpu] {
+            backend.create(slot, &layout).unwrap();
+            edit(backend, slot, edits.clone());
+            edit(backend, slot, vec![plate.clone()]);
+            run(backend, slot, 3, 0.1);
+            let wanted = Work { slot, samples: boxes.clone(), ..Work::default() };
+            samples.push(work(backend, wanted).samples);
+        }
+        for (ours, theirs) in samples[0].iter().flatten().zip(samples[1].iter().flatten()) {
+            assert_eq!(ours.content, theirs.content);
+            let close = |a: f32, b: f32, least: f32| (a - b).abs() <= 2e-3 * b.abs() + least;
+            assert!(close(ours.fill, theirs.fill, 1e-5), "{ours:?} {theirs:?}");
+            assert!(close(ours.mass, theirs.mass, 1e-3), "{ours:?} {theirs:?}");
+            assert!(close(ours.density, theirs.density, 0.1), "{ours:?} {theirs:?}");
+            assert!(close(ours.temperature, theirs.temperature, 1e-2), "{ours:?} {theirs:?}");
+            assert!(close(ours.hardness, theirs.hardness, 2.0), "{ours:?} {theirs:?}");
+            assert!(close(ours.stiffness, theirs.stiffness, 10.0), "{ours:?} {theirs:?}");
+            assert!(close(ours.stress, theirs.stress, 0.5), "{ours:?} {theirs:?}");
+            assert!(close(ours.external_stress, theirs.external_stress, 0.5), "{ours:?} {theirs:?}");
+            assert!(close(ours.indent, theirs.indent, 1e-4), "{ours:?} {theirs:?}");
+        }
+        let present: u64 = cells(&mut gpu, slot, &grid)
+            .iter()
+            .flat_map(|tile| tile.mass.iter().map(|&mass| u64::from(mass)))
+            .sum();
+        let sampled: f64 = samples[0][0].iter().map(|sample| f64::from(sample.mass)).sum();
+        assert!((sampled * firn::snow::MASS_QUANTA / present as f64 - 1.0).abs() < 1e-5);
     }
 }

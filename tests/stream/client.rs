@@ -6,12 +6,12 @@ use std::time::Duration;
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::Value;
-use tokio::net::TcpStream;
+use tokio::net::{TcpSocket, TcpStream};
 use tokio::time::timeout;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::http::Request;
 use tokio_tungstenite::tungstenite::{Error, Message};
-use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
+use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, client_async, connect_async};
 
 use crate::support::{Server, numbers};
 
@@ -38,6 +38,8 @@ pub struct View {
     /// Heights by row and column, so that they are in the order of a read.
     heights: BTreeMap<(u64, u64), f64>,
     pub colliders: Value,
+    /// Whole messages so far.
+    pub messages: usize,
     stride: u64,
     parts: Vec<Value>,
 }
@@ -57,6 +59,7 @@ impl View {
         if part.get("more").is_some() {
             return false;
         }
+        self.messages += 1;
         for whole in std::mem::take(&mut self.parts) {
             for field in ["op", "seq", "tick"] {
                 assert_eq!(whole[field], part[field], "all parts are of one state");
@@ -95,9 +98,7 @@ pub async fn connect(server: &Server, session: &str, offered: &str) -> (Client, 
     let (socket, response) = connect_async(request(server, session, offered)).await.unwrap();
     let chosen = response.headers().get("sec-websocket-protocol");
     let chosen = chosen.map_or("", |value| value.to_str().unwrap()).to_owned();
-    let client =
-        Client { socket, views: HashMap::new(), answers: VecDeque::new(), events: VecDeque::new() };
-    (client, chosen)
+    (Client::new(socket), chosen)
 }
 
 /// Tries to open a stream that the server refuses; returns the status and the problem.
@@ -118,6 +119,23 @@ impl Client {
         let (mut client, _) = connect(server, session, "firn.v1.json").await;
         assert_eq!(client.next().await["op"], "welcome");
         client
+    }
+
+    /// As [`Client::open`], through a connection that holds little of what is not read.
+    pub async fn open_narrow(server: &Server, session: &str) -> Client {
+        let address = server.url.trim_start_matches("http://").parse().unwrap();
+        let socket = TcpSocket::new_v4().unwrap();
+        socket.set_recv_buffer_size(16 * 1024).unwrap();
+        let stream = MaybeTlsStream::Plain(socket.connect(address).await.unwrap());
+        let request = request(server, session, "firn.v1.json");
+        let mut client = Client::new(client_async(request, stream).await.unwrap().0);
+        assert_eq!(client.next().await["op"], "welcome");
+        client
+    }
+
+    fn new(socket: Socket) -> Client {
+        let (answers, events) = (VecDeque::new(), VecDeque::new());
+        Client { socket, views: HashMap::new(), answers, events }
     }
 
     pub fn split(self) -> (SplitSink<Socket, Message>, SplitStream<Socket>) {
@@ -232,6 +250,11 @@ impl Client {
     /// Heights that a subscription has been told, row by row.
     pub fn heights(&self, id: i64) -> Vec<f64> {
         self.views[&id].values()
+    }
+
+    /// Messages of heights of all subscriptions together.
+    pub fn messages(&self) -> usize {
+        self.views.values().map(|view| view.messages).sum()
     }
 
     /// Colliders that a subscription has been told.

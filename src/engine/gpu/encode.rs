@@ -1,7 +1,7 @@
 //! A frame, turned into submits: one for each round of edits, the last of which also runs the
 //! cycles and copies out what is reported.
 
-use crate::engine::frame::{Edit, Frame, Slot, Work};
+use crate::engine::frame::{Edit, Frame, SampleBox, Slot, Work};
 
 use super::GpuBackend;
 use super::kernels::KernelId;
@@ -20,7 +20,8 @@ impl GpuBackend {
         let tiles = self.publishable_tiles(&frame.work);
         self.tables.fit_to(&self.device, &self.arena);
         let total = edits.iter().map(|&count| u64::from(count)).sum();
-        let mut encoder = self.tables.begin_frame(&self.device, total, tiles);
+        let samples = frame.work.iter().flat_map(|work| &work.samples).map(SampleBox::cells).sum();
+        let mut encoder = self.tables.begin_frame(&self.device, total, tiles, samples);
         for round in rounds {
             let mut planner = self.planner();
             planner.0.edits(planner.1, round);
@@ -38,6 +39,7 @@ impl GpuBackend {
         planner.edits(residents, last);
         planner.runs(residents, &frame.work, &edits, tile_end, &pages, always_awake);
         planner.reports(residents, &frame.work, tile_end);
+        planner.samples(residents, &frame.work);
         let dispatches = planner.dispatches;
         self.encode(&mut encoder, &dispatches);
 

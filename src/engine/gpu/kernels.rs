@@ -47,6 +47,10 @@ pub enum Resource {
     Operations,
     /// What was refused or cleared.
     OperationResults,
+    /// Boxes of the fixed grid that are asked for.
+    SampleJobs,
+    /// Cells of the fixed grid.
+    Samples,
     /// Number of tiles packed for publication.
     PackedCount,
     /// Tiles packed for publication.
@@ -100,6 +104,8 @@ pub enum KernelId {
     Publish,
     /// Sums masses.
     Tally,
+    /// Samples the fixed grid.
+    Sample,
 }
 
 const LAYOUT: &str = include_str!("../../../shaders/shared/layout.wgsl");
@@ -110,7 +116,7 @@ use Access::{Read, Write};
 use Resource::*;
 
 /// All kernels, in the order of [`KernelId`].
-pub const KERNELS: [Kernel; 7] = [
+pub const KERNELS: [Kernel; 8] = [
     Kernel {
         name: "snowfall",
         entry_point: "snowfall",
@@ -224,6 +230,24 @@ pub const KERNELS: [Kernel; 7] = [
         entry_point: "tally",
         source: &[LAYOUT, include_str!("../../../shaders/tally.wgsl")],
         bindings: &[(Work, Read), (Tiles, Read), (Tops, Read), (Tallies, Write), (Mass, Read)],
+    },
+    Kernel {
+        name: "sample",
+        entry_point: "sample",
+        source: &[LAYOUT, MATERIAL, include_str!("../../../shaders/sample.wgsl")],
+        bindings: &[
+            (Work, Read),
+            (Sessions, Read),
+            (Tiles, Read),
+            (Filled, Read),
+            (Ground, Read),
+            (SampleJobs, Read),
+            (Samples, Write),
+            (Mass, Read),
+            (Thickness, Read),
+            (Temperature, Read),
+            (Stress, Read),
+        ],
     },
 ];
 

@@ -257,6 +257,32 @@ pub struct OperationResult {
     pub high: u32,
 }
 
+/// A box of the fixed grid that is asked for.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct SampleJob {
+    /// Its snowpack's row.
+    pub session: u32,
+    /// First of its samples: x fastest, then y, then z.
+    pub first: u32,
+    /// First column along x.
+    pub x0: u32,
+    /// First cell along y.
+    pub y0: u32,
+    /// First column along z.
+    pub z0: u32,
+    /// Cells along x.
+    pub width: u32,
+    /// Cells along y.
+    pub height: u32,
+    /// Cells along z.
+    pub depth: u32,
+    /// Cycle length over the reference cell size \[s/m\].
+    pub rate: f32,
+    /// Fills the row.
+    pub padding: u32,
+}
+
 /// What one dispatch works on.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -7,7 +7,7 @@ use crate::snow::{ColumnRect, REFERENCE_CELL_SIZE};
 
 use super::device::Device;
 use super::kernels::KernelId;
-use super::layout::{
+use super::layout::{SampleJob, 
     CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run, WAKE,
 };
 use super::resident::{Body, Resident};
@@ -280,6 +280,34 @@ impl Planner<'_> {
                 let pass = Pass { first, count, page, ..Pass::default() };
                 self.dispatch(KernelId::Tally, page, pass, count);
             }
+        }
+    }
+
+    /// Plans the boxes of the fixed grid that are asked for.
+    pub fn samples(&mut self, residents: &BTreeMap<Slot, Resident>, work: &[Work]) {
+        let mut first = 0;
+        for (work, wanted) in work.iter().flat_map(|w| w.samples.iter().map(move |s| (w, s))) {
+            let Some(resident) = residents.get(&work.slot) else { continue };
+            let job = self.tables.sample_jobs.push(SampleJob {
+                session: work.slot,
+                first,
+                x0: wanted.columns.x0,
+                y0: wanted.y0,
+                z0: wanted.columns.z0,
+                width: wanted.columns.x1 - wanted.columns.x0,
+                height: wanted.height,
+                depth: wanted.columns.z1 - wanted.columns.z0,
+                rate: (wanted.dt / REFERENCE_CELL_SIZE) as f32,
+                padding: 0,
+            });
+            let tiles = tiles_in(wanted.columns, resident.row.tiles_x);
+            let pages: BTreeSet<u32> = tiles.map(|tile| resident.page(tile)).collect();
+            let groups = wanted.columns.columns().div_ceil(64) as u32;
+            for page in pages {
+                let pass = Pass { first: job, page, ..Pass::default() };
+                self.dispatch(KernelId::Sample, page, pass, groups);
+            }
+            first += wanted.cells() as u32;
         }
     }
 

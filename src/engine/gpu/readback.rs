@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use bytemuck::Pod;
 
-use crate::engine::frame::{EngineError, Outcome, Slot, TileCells, TileHeights, Work, WorkOutcome};
-use crate::snow::TILE_COLUMNS;
+use crate::engine::frame::{EngineError, Outcome, SampleBox, Slot, TileCells, TileHeights, Work, WorkOutcome};
+use crate::snow::{Sample, TILE_COLUMNS};
 
 use super::arena::{Arena, Place};
 use super::buffer::Table;
@@ -31,6 +31,7 @@ pub struct Copies {
     packable: u64,
     packed: u64,
     cells: Vec<(Place, u32)>,
+    samples: u64,
     /// First tile of each snowpack that publishes, with its slot: what packed tiles belong to.
     tiles: BTreeMap<u32, Slot>,
 }
@@ -42,6 +43,7 @@ struct WorkCopies {
     edits: u32,
     contacts: Vec<(Arc<str>, u32)>,
     gathered: usize,
+    samples: Vec<u64>,
 }
 
 impl Copies {
@@ -76,7 +78,9 @@ impl Copies {
                 edits,
                 contacts,
                 gathered: work.gather.len(),
+                samples: work.samples.iter().map(SampleBox::cells).collect(),
             });
+            copies.samples += work.samples.iter().map(SampleBox::cells).sum::<u64>();
         }
         copies
     }
@@ -143,6 +147,7 @@ impl Readback {
             (tables.contacts.buffer(), copies.contacts * contact),
             (tables.packed_count.buffer(), 4),
             (tables.packed.buffer(), copies.packed * PACKED_WORDS * 4),
+            (tables.samples.buffer(), copies.samples * std::mem::size_of::<Sample>() as u64),
         ];
         let bytes = sources.iter().map(|(_, bytes)| bytes).sum::<u64>() + 4 * cells;
         self.table.reserve(&device.device, bytes);
@@ -294,6 +299,8 @@ impl Copies {
         let contacts: Vec<layout::Contact> = reader.rows(self.contacts);
         let count = u64::from(reader.rows::<u32>(1)[0]);
         let packed: Vec<u32> = reader.rows(self.packed * PACKED_WORDS);
+        let samples: Vec<Sample> = reader.rows(self.samples);
+        let mut samples = samples.into_iter();
         let mut cells = self.cells.iter().map(|(_, height)| {
             let count = cells_bytes(*height) / 4;
             TileCells {
@@ -318,6 +325,11 @@ impl Copies {
                 mass: join(tally.mass_low, tally.mass_high),
                 contacts: work.contacts.iter().map(contact).collect(),
                 gathered: cells.by_ref().take(work.gathered).collect(),
+                samples: work
+                    .samples
+                    .iter()
+                    .map(|&count| samples.by_ref().take(count as usize).collect())
+                    .collect(),
             });
         }
         let copied = count.min(self.packed) * PACKED_WORDS;

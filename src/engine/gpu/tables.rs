@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::engine::frame::Slot;
-use crate::snow::TILE_COLUMNS;
+use crate::snow::{Sample, TILE_COLUMNS};
 
 use super::arena::Arena;
 use super::buffer::{Table, Upload};
@@ -65,6 +65,10 @@ pub struct Tables {
     pub operations: Upload<layout::Operation>,
     /// What was refused or cleared.
     pub operation_results: Table,
+    /// Boxes of the fixed grid that are asked for.
+    pub sample_jobs: Upload<layout::SampleJob>,
+    /// Cells of the fixed grid.
+    pub samples: Table,
     /// Number of packed tiles.
     pub packed_count: Table,
     /// Packed tiles.
@@ -103,6 +107,8 @@ impl Tables {
             loads: host("loads"),
             edit_jobs: Upload::new(device, "edit jobs", Usage::STORAGE),
             operations: Upload::new(device, "operations", Usage::STORAGE),
+            sample_jobs: Upload::new(device, "sample jobs", Usage::STORAGE),
+            samples: table("samples", Usage::empty()),
             operation_results: table("operation results", Usage::empty()),
             packed_count: table("packed count", Usage::empty()),
             packed: table("packed", Usage::empty()),
@@ -176,13 +182,20 @@ impl Tables {
     }
 
     /// Makes room for a frame's results and clears them.
-    pub fn begin_frame(&mut self, device: &Device, edits: u64, tiles: u64) -> wgpu::CommandEncoder {
+    pub fn begin_frame(
+        &mut self,
+        device: &Device,
+        edits: u64,
+        tiles: u64,
+        samples: u64,
+    ) -> wgpu::CommandEncoder {
         let d = &device.device;
         let tally = std::mem::size_of::<layout::Tally>() as u64;
         let grew = [
             self.tallies.reserve(d, self.runs.len() as u64 * tally),
             self.operation_results.reserve(d, edits * 8),
             self.packed.reserve(d, tiles * PACKED_WORDS * 4),
+            self.samples.reserve(d, samples * std::mem::size_of::<Sample>() as u64),
         ];
         if grew.contains(&true) {
             self.bindings.clear();
@@ -209,6 +222,7 @@ impl Tables {
             self.loads.flush(d, q),
             self.edit_jobs.flush(d, q),
             self.operations.flush(d, q),
+            self.sample_jobs.flush(d, q),
             self.due.reserve(d, lists + self.lists.len() as u64 * 4),
             self.runs_buffer.reserve(d, self.runs.len() as u64 * 16),
         ]
@@ -296,6 +310,8 @@ impl Tables {
             Resource::EditJobs => self.edit_jobs.buffer(),
             Resource::Operations => self.operations.buffer(),
             Resource::OperationResults => self.operation_results.buffer(),
+            Resource::SampleJobs => self.sample_jobs.buffer(),
+            Resource::Samples => self.samples.buffer(),
             Resource::PackedCount => self.packed_count.buffer(),
             Resource::Packed => self.packed.buffer(),
             Resource::Mass => cells(0),

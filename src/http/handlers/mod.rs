@@ -1,6 +1,7 @@
 //! The calls, one file per noun.
 
 pub mod air_temperature;
+pub mod cells;
 pub mod clearings;
 pub mod colliders;
 pub mod columns;
@@ -9,6 +10,7 @@ pub mod height;
 pub mod heights;
 pub mod mass;
 pub mod openapi;
+pub mod probes;
 pub mod sessions;
 pub mod snowfalls;
 

@@ -16,7 +16,7 @@ pub(super) struct Tile {
     /// All columns, row by row; those outside the grid stay empty.
     pub columns: Vec<Column>,
     /// Ground elevation of each column in elevation units.
-    ground: [u32; COLUMNS],
+    pub ground: [u32; COLUMNS],
     /// Height of each column in quanta.
     pub heights: [u32; COLUMNS],
     /// Objects that stand on the tile: indices in ascending order of ids.

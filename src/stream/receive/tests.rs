@@ -16,15 +16,10 @@ type Applying = oneshot::Sender<Result<Applied, SessionError>>;
 struct Desk(Mutex<Vec<(Change, Option<Applying>)>>);
 
 impl Desk {
-    fn apply(
-        &self,
-        change: Change,
-    ) -> impl Future<Output = Result<Applied, SessionError>> + Send + use<'_> {
-        async move {
-            let (send, receive) = oneshot::channel();
-            self.0.lock().unwrap().push((change, Some(send)));
-            receive.await.unwrap()
-        }
+    async fn apply(&self, change: Change) -> Result<Applied, SessionError> {
+        let (send, receive) = oneshot::channel();
+        self.0.lock().unwrap().push((change, Some(send)));
+        receive.await.unwrap()
     }
 
     fn begun(&self) -> Vec<f64> {

@@ -1,0 +1,150 @@
+//! `firn experiment`: repeats the thesis's experiments.
+
+use std::io::{ErrorKind, Write};
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use tracing_subscriber::EnvFilter;
+
+use crate::config::{BackendChoice, EngineConfig};
+use crate::experiment::{self, Experiment, SIDE};
+use crate::session::{Limits, Sessions, World, WorldConfig};
+
+use super::{Failure, open_backend};
+
+/// Shown below the flags.
+pub const EXAMPLES: &str = "\
+Examples:
+  firn experiment all                      every experiment, into the directory 'experiments'
+  firn experiment 3 --out /tmp/weak        the one with the weak layer
+  firn experiment 1a --backend cpu         without a graphics device";
+
+/// What is logged: nothing but what goes wrong.
+const LOG: &str = "warn,wgpu_core=warn,wgpu_hal=error,naga=warn";
+
+/// Options of `firn experiment`.
+#[derive(Args, Clone, Debug)]
+pub struct Options {
+    /// Which experiment.
+    experiment: Choice,
+    /// What computes: the graphics device, or the plain-Rust reference on the CPU.
+    #[arg(long, env = "FIRN_BACKEND", default_value = "auto", value_name = "BACKEND")]
+    backend: BackendChoice,
+    /// Directory for the figures (SVG) and the numbers (CSV); it is created where it is not there.
+    #[arg(long, default_value = "experiments", value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// What can be asked for.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Choice {
+    /// 5.8 m of snow at −3 °C
+    #[value(name = "1a")]
+    OneA,
+    /// 5.8 m of snow at −10 °C
+    #[value(name = "1b")]
+    OneB,
+    /// Snow that is 2 °C colder every 0.8 m
+    #[value(name = "2")]
+    Two,
+    /// Four snowfalls, one of them cold: a weak layer
+    #[value(name = "3")]
+    Three,
+    /// Objects of 100 kg on 16, 1 and 0.1 m²
+    Colliders,
+    /// A single column of 8 m, warm and cold
+    Prototype,
+    /// All of these
+    All,
+}
+
+impl Choice {
+    fn experiments(self) -> Vec<Experiment> {
+        match self {
+            Choice::OneA => vec![Experiment::OneA],
+            Choice::OneB => vec![Experiment::OneB],
+            Choice::Two => vec![Experiment::Two],
+            Choice::Three => vec![Experiment::Three],
+            Choice::Colliders => vec![Experiment::Colliders],
+            Choice::Prototype => vec![Experiment::Prototype],
+            Choice::All => Experiment::ALL.to_vec(),
+        }
+    }
+}
+
+/// Carries the experiments out, prints their tables and writes their files.
+///
+/// # Errors
+/// [`Failure::Failed`] where the device or the directory can't be used, and where a result is not
+/// what it should be.
+pub fn run(options: &Options) -> Result<(), Failure> {
+    // There is a log already where a test calls this twice.
+    let _ = tracing_subscriber::fmt()
+        .with_env_filter(EnvFilter::new(LOG))
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        .try_init();
+    let engine =
+        EngineConfig { backend: options.backend, device_memory: None, ephemeral: true };
+    let backend = open_backend(&engine).map_err(|error| Failure::Failed(error.to_string()))?;
+    let failed = |what: &str, error: std::io::Error| Failure::Failed(format!("{what}: {error}"));
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .build()
+        .map_err(|error| failed("starting a runtime", error))?;
+    let limits =
+        Limits { sessions: 1, cells_per_session: 1 << 20, cells: 1 << 20, colliders_per_session: 3 };
+    let config = WorldConfig { limits, publish_rate: 0.0, sleep: true };
+    let (sessions, world) =
+        World::start(backend, config).map_err(|error| failed("starting the engine", error))?;
+    let result = runtime.block_on(carry_out(options, &sessions));
+    world.stop();
+    let deviations = result?;
+    if deviations.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Failed(format!("not as expected:\n  {}", deviations.join("\n  "))))
+}
+
+/// Carries the experiments out; returns what deviates.
+async fn carry_out(options: &Options, sessions: &Sessions) -> Result<Vec<String>, Failure> {
+    let failed = |error: experiment::ExperimentError| Failure::Failed(error.to_string());
+    let device = sessions.device();
+    print(&format!("Computed by {} ({}).\n", device.adapter, device.backend))?;
+    let experiments = options.experiment.experiments();
+    let bar = progress_bar(experiments.iter().map(|experiment| experiment.ticks()).sum());
+    let mut deviations = Vec::new();
+    for experiment in experiments {
+        let progress = |ticks| bar.inc(ticks);
+        let studies =
+            experiment::run(sessions, experiment, SIDE, &progress).await.map_err(failed)?;
+        for study in &studies {
+            experiment::write(study, &options.out).map_err(failed)?;
+            bar.suspend(|| print(&format!("\n{study}")))?;
+            deviations.extend(study.deviations());
+        }
+    }
+    bar.finish_and_clear();
+    print(&format!("\nFigures and numbers are in {}.\n", options.out.display()))?;
+    Ok(deviations)
+}
+
+/// A bar on standard error, hidden where that is no terminal.
+fn progress_bar(ticks: u64) -> ProgressBar {
+    let bar = ProgressBar::new(ticks);
+    // The template is constant; without it the bar is merely plainer.
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %, {eta} left") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+fn print(text: &str) -> Result<(), Failure> {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        // Whoever reads it may have seen enough; the files are written all the same.
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::Failed(format!("standard output: {error}")))
+        }
+        _ => Ok(()),
+    }
+}

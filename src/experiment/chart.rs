@@ -1,0 +1,221 @@
+//! A diagram with two axes and a legend beside it, as SVG.
+
+use plotters::backend::SVGBackend;
+use plotters::chart::{ChartBuilder, ChartContext};
+use plotters::coord::Shift;
+use plotters::coord::cartesian::Cartesian2d;
+use plotters::coord::types::RangedCoordf64;
+use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
+use plotters::element::{Circle, PathElement, Rectangle, Text};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{Color, IntoFont, IntoTextStyle, RGBColor, ShapeStyle, TextStyle, WHITE};
+
+use super::{ExperimentError, number};
+
+/// Size of a picture, and of the diagram without its legend, in pixels.
+const SIZE: (u32, u32) = (780, 460);
+const DIAGRAM: u32 = 580;
+
+/// Distance between two lines of the legend, and where the first one is.
+const LEGEND_LINE: i32 = 24;
+const LEGEND_TOP: i32 = 24;
+
+const TEXT: RGBColor = RGBColor(40, 40, 40);
+const MESH: RGBColor = RGBColor(225, 225, 225);
+
+/// A diagram.
+#[derive(Clone, Debug)]
+pub(super) struct Chart {
+    pub title: String,
+    pub x: Axis,
+    pub y: Axis,
+    /// Behind everything else.
+    pub bands: Vec<Band>,
+    pub lines: Vec<Line>,
+    pub dots: Vec<Dots>,
+}
+
+/// An axis.
+#[derive(Clone, Debug)]
+pub(super) struct Axis {
+    /// Quantity and unit.
+    pub label: &'static str,
+    pub from: f64,
+    pub to: f64,
+    /// Whether values grow downwards.
+    pub down: bool,
+}
+
+impl Axis {
+    /// An axis upwards or to the right.
+    pub fn new(label: &'static str, from: f64, to: f64) -> Axis {
+        Axis { label, from, to, down: false }
+    }
+
+    /// Where a value is drawn.
+    fn place(&self, value: f64) -> f64 {
+        if self.down { -value } else { value }
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        if self.down { -self.to..-self.from } else { self.from..self.to }
+    }
+
+    fn number(&self, place: f64) -> String {
+        let digits = match self.to - self.from {
+            span if span < 1.0 => 2,
+            span if span < 15.0 => 1,
+            _ => 0,
+        };
+        number(self.place(place), digits)
+    }
+}
+
+/// A line through points.
+#[derive(Clone, Debug)]
+pub(super) struct Line {
+    pub label: String,
+    pub colour: RGBColor,
+    pub weight: Weight,
+    pub points: Vec<(f64, f64)>,
+}
+
+/// How a line looks: a thin line on a broad one shows that the two are alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Weight {
+    Thin,
+    Usual,
+    Broad,
+}
+
+/// A cloud of points.
+#[derive(Clone, Debug)]
+pub(super) struct Dots {
+    pub label: String,
+    pub colour: RGBColor,
+    pub filled: bool,
+    pub points: Vec<(f64, f64)>,
+}
+
+/// A horizontal band.
+#[derive(Clone, Debug)]
+pub(super) struct Band {
+    pub label: String,
+    pub colour: RGBColor,
+    pub from: f64,
+    pub to: f64,
+}
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Plane<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type Drawn<T> = Result<T, DrawingAreaErrorKind<std::io::Error>>;
+
+impl Weight {
+    fn style(self, colour: RGBColor) -> ShapeStyle {
+        match self {
+            Weight::Thin => colour.stroke_width(1),
+            Weight::Usual => colour.stroke_width(2),
+            Weight::Broad => colour.mix(0.35).stroke_width(6),
+        }
+    }
+}
+
+impl Dots {
+    fn style(&self) -> ShapeStyle {
+        if self.filled { self.colour.filled() } else { self.colour.stroke_width(1) }
+    }
+}
+
+impl Chart {
+    /// The picture.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Figure`].
+    pub fn draw(&self) -> Result<String, ExperimentError> {
+        let mut svg = String::new();
+        self.draw_into(&mut svg).map_err(|error| ExperimentError::Figure {
+            figure: self.title.clone(),
+            why: error.to_string(),
+        })?;
+        Ok(svg)
+    }
+
+    fn draw_into(&self, svg: &mut String) -> Drawn<()> {
+        let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+        root.fill(&WHITE)?;
+        let body = root.titled(&self.title, text(16, &root))?;
+        let (diagram, legend) = body.split_horizontally(DIAGRAM);
+        let (x, y) = (self.x.range(), self.y.range());
+        let mut plane = ChartBuilder::on(&diagram)
+            .margin(10)
+            .x_label_area_size(48)
+            .y_label_area_size(62)
+            .build_cartesian_2d(x, y)?;
+        plane
+            .configure_mesh()
+            .x_desc(self.x.label)
+            .y_desc(self.y.label)
+            .x_labels(9)
+            .y_labels(9)
+            .x_label_formatter(&|&place| self.x.number(place))
+            .y_label_formatter(&|&place| self.y.number(place))
+            .label_style(text(13, &root))
+            .axis_desc_style(text(14, &root))
+            .axis_style(TEXT)
+            .bold_line_style(MESH)
+            .light_line_style(WHITE.mix(0.0))
+            .max_light_lines(0)
+            .draw()?;
+        self.draw_content(&mut plane)?;
+        self.draw_legend(&legend)?;
+        root.present()
+    }
+
+    fn draw_content(&self, plane: &mut Plane<'_, '_>) -> Drawn<()> {
+        let place = |&(x, y): &(f64, f64)| (self.x.place(x), self.y.place(y));
+        for band in &self.bands {
+            let corners = [place(&(self.x.from, band.from)), place(&(self.x.to, band.to))];
+            plane.draw_series([Rectangle::new(corners, band.colour.filled())])?;
+        }
+        for line in &self.lines {
+            let points: Vec<_> = line.points.iter().map(place).collect();
+            plane.draw_series([PathElement::new(points, line.weight.style(line.colour))])?;
+        }
+        for dots in &self.dots {
+            let style = dots.style();
+            plane.draw_series(dots.points.iter().map(|p| Circle::new(place(p), 3, style)))?;
+        }
+        Ok(())
+    }
+
+    fn draw_legend(&self, area: &Area<'_>) -> Drawn<()> {
+        let mut y = LEGEND_TOP;
+        let mut entry = |label: &str, draw: &mut dyn FnMut(i32) -> Drawn<()>| {
+            draw(y)?;
+            let style = text(13, area).pos(Pos::new(HPos::Left, VPos::Center));
+            area.draw(&Text::new(label.to_owned(), (40, y), style))?;
+            y += LEGEND_LINE;
+            Ok::<_, DrawingAreaErrorKind<std::io::Error>>(())
+        };
+        for line in &self.lines {
+            entry(&line.label, &mut |y| {
+                let style = line.weight.style(line.colour);
+                area.draw(&PathElement::new([(6, y), (32, y)], style))
+            })?;
+        }
+        for dots in &self.dots {
+            entry(&dots.label, &mut |y| area.draw(&Circle::new((19, y), 3, dots.style())))?;
+        }
+        for band in &self.bands {
+            entry(&band.label, &mut |y| {
+                area.draw(&Rectangle::new([(6, y - 7), (32, y + 7)], band.colour.filled()))
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// Text of a size in pixels.
+fn text(size: i32, area: &Area<'_>) -> TextStyle<'static> {
+    ("sans-serif", size).into_font().color(&TEXT).into_text_style(area)
+}
