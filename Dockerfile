@@ -22,6 +22,8 @@ COPY --from=build /usr/local/bin/firn /usr/local/bin/firn
 ENV NVIDIA_DRIVER_CAPABILITIES=compute,graphics,utility
 # A container has to listen on every address; only what its owner publishes can be reached, hence "allow open".
 ENV FIRN_LISTEN=0.0.0.0:8080 FIRN_ALLOW_OPEN=true
+# Mesa's device chooser looks for a display and complains that there is none; Firn chooses by itself.
+ENV NODEVICE_SELECT=1
 USER 10001
 EXPOSE 8080
 STOPSIGNAL SIGTERM

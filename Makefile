@@ -4,6 +4,9 @@ CARGO ?= cargo
 # More options for the server, as in: make serve ARGS="--listen 127.0.0.1:9000"
 ARGS ?=
 
+# Mesa's device chooser looks for a display and complains where there is none; Firn chooses by itself.
+export NODEVICE_SELECT := 1
+
 .DEFAULT_GOAL := help
 .PHONY: help serve test driver build fmt lint openapi clean
 

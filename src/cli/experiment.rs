@@ -85,15 +85,18 @@ pub fn run(options: &Options) -> Result<(), Failure> {
         .with_writer(std::io::stderr)
         .with_target(false)
         .try_init();
-    let engine =
-        EngineConfig { backend: options.backend, device_memory: None, ephemeral: true };
+    let engine = EngineConfig { backend: options.backend, device_memory: None, ephemeral: true };
     let backend = open_backend(&engine).map_err(|error| Failure::Failed(error.to_string()))?;
     let failed = |what: &str, error: std::io::Error| Failure::Failed(format!("{what}: {error}"));
     let runtime = tokio::runtime::Builder::new_current_thread()
         .build()
         .map_err(|error| failed("starting a runtime", error))?;
-    let limits =
-        Limits { sessions: 1, cells_per_session: 1 << 20, cells: 1 << 20, colliders_per_session: 3 };
+    let limits = Limits {
+        sessions: 1,
+        cells_per_session: 1 << 20,
+        cells: 1 << 20,
+        colliders_per_session: 3,
+    };
     let config = WorldConfig { limits, publish_rate: 0.0, sleep: true };
     let (sessions, world) =
         World::start(backend, config).map_err(|error| failed("starting the engine", error))?;

@@ -53,7 +53,8 @@ impl CpuBackend {
         let snowpack = self.snowpacks.get_mut(&slot).ok_or_else(|| {
             EngineError::DeviceFailed(format!("a frame has work for slot {slot}, which is empty"))
         })?;
-        let edited = !work.edits.is_empty() || work.wake;
+        let restored = |edit: &Edit| matches!(edit, Edit::Restore(_));
+        let edited = work.wake || !work.edits.iter().all(restored);
         let mut put = false;
         let mut edits = Vec::with_capacity(work.edits.len());
         for edit in work.edits {
@@ -157,6 +158,16 @@ fn apply(snowpack: &mut Snowpack, edit: Edit) -> u64 {
         }
         Edit::RemoveCollider { id } => snowpack.remove_collider(&id),
         Edit::SetMaterial(material) => snowpack.set_material(material),
+        Edit::Restore(contents) => {
+            for (tile, cells) in (0..).zip(contents.tiles.iter()) {
+                let columns = (0..TILE_COLUMNS).map(|column| cells.column(column).collect());
+                snowpack.restore_tile(tile, columns.map(|cells| Column { cells }));
+            }
+            let colliders = contents.colliders.iter().map(|(id, placement, contact)| {
+                (id.clone(), placement.mass, placement.footprint.clone(), *contact)
+            });
+            snowpack.restore_colliders(colliders);
+        }
     }
     0
 }

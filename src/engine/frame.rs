@@ -5,7 +5,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::snow::{ColumnRect, Contact, Footprint, Grid, Material, Sample, TILE_COLUMNS};
+use crate::snow::{Cell, ColumnRect, Contact, Footprint, Grid, Material, Sample, TILE_COLUMNS};
 
 /// A snowpack's row in the backend's tables.
 pub type Slot = u32;
@@ -106,6 +106,17 @@ pub enum Edit {
     },
     /// Other material constants.
     SetMaterial(Material),
+    /// Everything is replaced by what was saved. Contacts and stresses are not evaluated.
+    Restore(Arc<Contents>),
+}
+
+/// The cells and objects of a snowpack.
+#[derive(Clone, Debug)]
+pub struct Contents {
+    /// Cells of all tiles.
+    pub tiles: Arc<Vec<TileCells>>,
+    /// Objects with their contacts, in ascending order of ids.
+    pub colliders: Vec<(Arc<str>, Arc<Placement>, Contact)>,
 }
 
 /// Fresh snow on every column of a rectangle.
@@ -182,6 +193,21 @@ pub struct TileCells {
     pub temperature: Vec<f32>,
     /// Vertical stress σ \[Pa\].
     pub stress: Vec<f32>,
+}
+
+impl TileCells {
+    /// The occupied cells of one column, from the ground up.
+    pub fn column(&self, column: u32) -> impl Iterator<Item = Cell> + '_ {
+        (column as usize..self.mass.len())
+            .step_by(TILE_COLUMNS as usize)
+            .take_while(|&i| self.mass[i] > 0)
+            .map(|i| Cell {
+                mass: self.mass[i],
+                thickness: self.thickness[i],
+                temperature: self.temperature[i],
+                stress: self.stress[i],
+            })
+    }
 }
 
 /// The device a backend runs on.

@@ -148,7 +148,8 @@ fn height(study: &Study) -> Chart {
 fn stress(study: &Study) -> Chart {
     let mut lines = Vec::new();
     for (profile, colour) in last(study) {
-        let name = if last(study).count() > 1 { format!(", {}", profile.label) } else { String::new() };
+        let name =
+            if last(study).count() > 1 { format!(", {}", profile.label) } else { String::new() };
         let mut line = |what: &str, weight, value: fn(&LayerView) -> f64| {
             let points = over_depth(&profile.column, value);
             lines.push(Line { label: format!("{what}{name}"), colour, weight, points });
@@ -188,7 +189,8 @@ fn temperature_colour(i: usize, count: usize) -> RGBColor {
 
 /// Whole degrees that there is snow of, from the warmest to the coldest.
 fn whole_degrees(layers: &[LayerView]) -> Vec<i32> {
-    let near = layers.iter().filter(|l| (l.temperature - l.temperature.round()).abs() < NEAR_DEGREE);
+    let near =
+        layers.iter().filter(|l| (l.temperature - l.temperature.round()).abs() < NEAR_DEGREE);
     let mut degrees: Vec<i32> = near.map(|layer| layer.temperature.round() as i32).collect();
     degrees.sort_unstable_by(|a, b| b.cmp(a));
     degrees.dedup();

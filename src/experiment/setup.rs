@@ -150,10 +150,9 @@ impl Experiment {
                 even("colliders-1a", side, 5.8, -3.0).with_plates(),
                 even("colliders-1b", side, 5.8, -10.0).with_plates(),
             ],
-            Experiment::Prototype => vec![
-                even("prototype-warm", 1, 8.0, -3.0),
-                even("prototype-cold", 1, 8.0, -10.0),
-            ],
+            Experiment::Prototype => {
+                vec![even("prototype-warm", 1, 8.0, -3.0), even("prototype-cold", 1, 8.0, -10.0)]
+            }
         }
     }
 }

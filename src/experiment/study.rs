@@ -204,7 +204,8 @@ fn snowfalls(it: &Recording) -> Study {
     profiles[ORDER.len() - 1].last = true;
     Study {
         name: "3".to_owned(),
-        title: "Experiment 3: snowfalls of 3.6, 1.2, 3.6 and 3.2 m, the second at −15 °C".to_owned(),
+        title: "Experiment 3: snowfalls of 3.6, 1.2, 3.6 and 3.2 m, the second at −15 °C"
+            .to_owned(),
         profiles,
         histories: vec![History { label: "snow".to_owned(), points: it.heights.clone() }],
         thesis_height: None,
@@ -219,7 +220,8 @@ fn colliders(name: &str, title: &str, it: &Recording, sinks: [Expected; 3]) -> S
     let end = &it.phases[0];
     let mut rows = vec![Row::new("height of the snow around [m]", 3, end.height)];
     let mut profiles = vec![Profile::new("snow around", END, end).last()];
-    let mut histories = vec![History { label: "snow around".to_owned(), points: it.heights.clone() }];
+    let mut histories =
+        vec![History { label: "snow around".to_owned(), points: it.heights.clone() }];
     for (i, record) in it.plates.iter().enumerate() {
         let label = format!("under {}", record.plate.label);
         let view = &record.view;
@@ -310,7 +312,8 @@ fn untouched(fresh: &ColumnView, end: &ColumnView) -> f64 {
 }
 
 fn uneven(it: &Recording) -> Row {
-    Row::new("largest difference between columns [m]", 3, it.unevenness).expect(Expected::exactly(0.0))
+    Row::new("largest difference between columns [m]", 3, it.unevenness)
+        .expect(Expected::exactly(0.0))
 }
 
 /// Mass of a column before and after, and what is out of balance.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use crate::engine::frame::Edit;
-use crate::snow::{ColumnRect, Grid, Material};
+use crate::snow::{ColumnRect, Contact, Grid, Material, Shape};
 
 use super::change::{
     Change, Clearing, ColliderBatch, ColliderPatch, ColliderSpec, Region, SettingsPatch, Snowfall,
@@ -206,14 +206,22 @@ impl Simulation {
     ) -> Option<(Arc<str>, Collider, Edit)> {
         check.id(format!("{at}/id"), id);
         check.range(format!("{at}/mass"), spec.mass, f64::MIN_POSITIVE, 1e9, "kg");
-        let (half_x, half_z) = spec.shape.half_extents();
-        for half in [half_x, half_z] {
-            check.range(format!("{at}/shape"), 2.0 * half, 1e-3, 1e6, "m");
+        let sides: &[(&str, f64)] = match spec.shape {
+            Shape::Box { width, depth } => &[("width", width), ("depth", depth)],
+            Shape::Disk { radius } => &[("radius", radius)],
+        };
+        for (side, length) in sides {
+            check.range(format!("{at}/shape/{side}"), *length, 1e-3, 1e6, "m");
         }
         if !check.passed() {
             return None;
         }
-        let collider = Collider { mass: spec.mass, shape: spec.shape, position: spec.position };
+        let collider = Collider {
+            mass: spec.mass,
+            shape: spec.shape,
+            position: spec.position,
+            contact: Contact::default(),
+        };
         let Some(placement) = self.placement(&collider) else {
             let grid = &self.session.spec.grid;
             check.reject(

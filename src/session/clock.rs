@@ -1,5 +1,7 @@
 //! When a snowpack is stepped: ticks, simulated time, and the cycles they make.
 
+use serde::{Deserialize, Serialize};
+
 use crate::engine::frame::Run;
 
 /// Frames per second: the instants at which ticks can fall.
@@ -14,7 +16,8 @@ const LONGEST_CYCLE: f64 = 0.25;
 /// A snowpack's clock.
 ///
 /// It counts ticks. Simulated time is derived from them, so that no sum of many small steps drifts.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Clock {
     tick: u64,
     /// Simulated time of one tick \[s\].
@@ -55,6 +58,17 @@ impl Clock {
     /// A clock at tick 0.
     pub fn new(tick_rate: f64, time_scale: f64) -> Clock {
         Clock { tick: 0, dt: time_scale / tick_rate, tick_rate, mark: (0, 0.0), pending: (0, 0.0) }
+    }
+
+    /// Whether it is a clock of a rate \[Hz\] and scale, and not impossible.
+    pub(super) fn is_sound(&self, tick_rate: f64, time_scale: f64) -> bool {
+        let sound = |(tick, time): (u64, f64)| tick <= self.tick && time.is_finite() && time >= 0.0;
+        self.tick_rate == tick_rate
+            && self.dt == time_scale / tick_rate
+            && self.tick < 1 << 53
+            && sound(self.mark)
+            && sound(self.pending)
+            && self.pending() < 1e6
     }
 
     /// Ticks so far.

@@ -1,9 +1,12 @@
 //! Continuous snowfall, kept to the fraction of a quantum until there is enough to deposit.
 
+use serde::{Deserialize, Serialize};
+
 use crate::snow::{CELL, MASS_QUANTA};
 
 /// Continuous snowfall that has not been deposited yet, in quanta of one column.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Falling {
     depth: f64,
     mass: f64,
@@ -12,6 +15,11 @@ pub(super) struct Falling {
 impl Falling {
     /// Least depth that is deposited, h/256.
     const LEAST: f64 = (CELL / 256) as f64;
+
+    /// Whether it is not impossible.
+    pub fn is_sound(&self) -> bool {
+        [self.depth, self.mass].iter().all(|quanta| (0.0..1e12).contains(quanta))
+    }
 
     /// Snow of a rate \[m/h\] over a time \[s\].
     pub fn fall(&mut self, rate: f64, time: f64, density: f64, cell_size: f64) {

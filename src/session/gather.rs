@@ -1,7 +1,9 @@
 //! Views made of the cells themselves, read back from the device on demand.
 
+use serde::{Deserialize, Serialize};
+
 use crate::engine::frame::TileCells;
-use crate::snow::{CELL, Cell, Grid, MASS_QUANTA, Material, Sample, TILE_COLUMNS};
+use crate::snow::{CELL, Grid, MASS_QUANTA, Material, Sample};
 
 use super::view::{ColumnView, LayerView, MassView, Stamp};
 
@@ -26,7 +28,8 @@ pub struct Sampled {
 }
 
 /// Mass that has gone in and out of a snowpack, in quanta summed over its columns.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Ledger {
     /// Fallen, the refused part included.
     pub fallen: u64,
@@ -52,21 +55,6 @@ impl Ledger {
             cleared: grid.kilograms(self.cleared),
             imbalance_quanta: self.present() as i64 - present as i64,
         }
-    }
-}
-
-impl TileCells {
-    /// The occupied cells of one column, from the ground up.
-    pub fn column(&self, column: u32) -> impl Iterator<Item = Cell> + '_ {
-        (column as usize..self.mass.len())
-            .step_by(TILE_COLUMNS as usize)
-            .take_while(|&i| self.mass[i] > 0)
-            .map(|i| Cell {
-                mass: self.mass[i],
-                thickness: self.thickness[i],
-                temperature: self.temperature[i],
-                stress: self.stress[i],
-            })
     }
 }
 

@@ -17,7 +17,8 @@ use super::gather::Sampled;
 use super::message::{self, Message};
 use super::mirror::Mirror;
 use super::simulation::Simulation;
-use super::spec::SessionSpec;
+use super::snapshot::Snapshot;
+use super::spec::{Limits, SessionSpec};
 use super::token::TokenHashes;
 use super::view::{Applied, ColumnView, MassView, SessionView, Stamp, State};
 use super::{gather, view};
@@ -82,6 +83,9 @@ pub struct Session {
     pub created_at: String,
     /// Hashes of its tokens.
     pub tokens: TokenHashes,
+    /// The snapshot that it was made from, where it was.
+    pub(super) origin: Option<Arc<[u8]>>,
+    pub(super) limits: Limits,
     /// Key in the world; never used twice.
     pub(super) key: u64,
     pub(super) mirror: RwLock<Mirror>,
@@ -97,6 +101,8 @@ impl Session {
     pub(super) fn new(
         id: String,
         spec: SessionSpec,
+        origin: Option<Arc<[u8]>>,
+        limits: Limits,
         tokens: TokenHashes,
         key: u64,
         world: mpsc::Sender<Message>,
@@ -108,6 +114,8 @@ impl Session {
             id,
             epoch: ulid::Ulid::generate().to_string(),
             created_at: humantime::format_rfc3339_millis(std::time::SystemTime::now()).to_string(),
+            origin,
+            limits,
             tokens,
             key,
             published: watch::Sender::new(mirror.seq),
@@ -192,7 +200,15 @@ impl Session {
     /// # Errors
     /// [`SessionError::Conflict`] while it is being stepped.
     pub async fn reset(&self) -> Result<SessionView, SessionError> {
-        self.ask(|reply| Message::Reset { key: self.key, reply }).await?;
+        let saved = match &self.origin {
+            None => None,
+            Some(bytes) => {
+                let (bytes, limits) = (bytes.clone(), self.limits);
+                let decoded = blocking(move || Snapshot::decode(&bytes, &limits)).await?;
+                Some(Box::new(decoded))
+            }
+        };
+        self.ask(|reply| Message::Reset { key: self.key, saved, reply }).await?;
         Ok(self.view())
     }
 
@@ -246,6 +262,14 @@ impl Session {
         self.spec.grid.height + highest.div_ceil(CELL / 2)
     }
 
+    /// The whole session, of one tick.
+    ///
+    /// # Errors
+    /// [`SessionError::Unavailable`].
+    pub async fn snapshot(&self) -> Result<Snapshot, SessionError> {
+        self.ask(|reply| Message::Snapshot { key: self.key, reply }).await
+    }
+
     /// Runs a closure on the world's thread with the session's simulation, for diagnosis.
     ///
     /// # Errors
@@ -272,4 +296,13 @@ impl Session {
     ) -> Result<T, SessionError> {
         message::ask(&self.world, message).await
     }
+}
+
+/// Does work that takes a while off the threads that serve requests.
+pub(super) async fn blocking<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, SessionError> + Send + 'static,
+) -> Result<T, SessionError> {
+    tokio::task::spawn_blocking(work)
+        .await
+        .map_err(|_| SessionError::Internal("reading or making a snapshot failed".to_owned()))?
 }

@@ -12,15 +12,17 @@ use super::gather::{Gathered, Sampled};
 use super::handle::Session;
 use super::orders::Answer;
 use super::simulation::Simulation;
+use super::snapshot::Snapshot;
 use super::view::{Applied, MassView};
 
 /// What the world can be asked.
 pub(super) enum Message {
-    Create { session: Arc<Session>, reply: Answer<()> },
+    Create { session: Arc<Session>, saved: Option<Box<Snapshot>>, reply: Answer<()> },
     Delete { key: u64, reply: Answer<()> },
     Change { key: u64, change: Change, reply: Answer<Applied> },
     Step { key: u64, step: StepSpec, reply: Answer<()> },
-    Reset { key: u64, reply: Answer<()> },
+    Reset { key: u64, saved: Option<Box<Snapshot>>, reply: Answer<()> },
+    Snapshot { key: u64, reply: Answer<Snapshot> },
     Gather { key: u64, tiles: Vec<u32>, reply: Answer<Gathered> },
     Sample { key: u64, columns: ColumnRect, y0: u32, height: u32, reply: Answer<Sampled> },
     Mass { key: u64, reply: Answer<MassView> },

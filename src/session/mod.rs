@@ -14,6 +14,7 @@ mod probe;
 mod publish;
 mod registry;
 mod simulation;
+mod snapshot;
 mod spec;
 mod step;
 mod token;
@@ -34,6 +35,7 @@ pub use mirror::{Mirror, TileColumns};
 pub use probe::{Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use registry::Sessions;
 pub use simulation::Simulation;
+pub use snapshot::{MEDIA_TYPE as SNAPSHOT_MEDIA_TYPE, Snapshot};
 pub use spec::{Limits, SessionSpec, SnowLayer, Terrain, is_valid_id};
 pub use token::{TokenHashes, Tokens};
 pub use view::{

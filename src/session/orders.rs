@@ -9,6 +9,7 @@ use crate::engine::frame::{Edit, SampleBox};
 use super::clock::{Advance, Clock};
 use super::error::SessionError;
 use super::gather::{Gathered, Sampled};
+use super::snapshot::Snapshot;
 use super::view::{Applied, MassView};
 
 /// Answer channel of a request.
@@ -25,6 +26,8 @@ pub(super) struct Orders {
     pub tallies: Vec<Answer<MassView>>,
     /// Boxes of the fixed grid wanted.
     pub samples: Vec<(SampleBox, Answer<Sampled>)>,
+    /// Everything wanted, as it can be restored.
+    pub snapshots: Vec<Answer<Snapshot>>,
     /// Settings, colliders or anything else that has no tile changed.
     pub changed: bool,
     /// Edits that came before the reset, where there is one.
@@ -86,6 +89,7 @@ impl Orders {
             || !self.gathers.is_empty()
             || !self.tallies.is_empty()
             || !self.samples.is_empty()
+            || !self.snapshots.is_empty()
     }
 
     /// Tells everybody who waits why there is no answer.
@@ -99,6 +103,7 @@ impl Orders {
         }
         self.gathers.into_iter().for_each(|(_, answer)| refuse(answer, why));
         self.tallies.into_iter().for_each(|answer| refuse(answer, why));
+        self.snapshots.into_iter().for_each(|answer| refuse(answer, why));
         self.samples.into_iter().for_each(|(_, answer)| refuse(answer, why));
     }
 }

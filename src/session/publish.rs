@@ -59,6 +59,9 @@ impl Simulation {
     /// Brings the mirror up to date.
     fn publish(&mut self, orders: &Orders, outcome: &WorkOutcome, tiles: &[TileHeights]) -> Stamp {
         let session = self.session.clone();
+        for (collider, (_, contact)) in self.colliders.values_mut().zip(&outcome.contacts) {
+            collider.contact = *contact;
+        }
         let colliders = self.collider_views(&outcome.contacts);
         let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
         let colliders_changed = *mirror.colliders != *colliders;
@@ -134,6 +137,10 @@ impl Simulation {
         for (wanted, answer) in orders.gathers {
             let tiles = gathered.by_ref().take(wanted.len()).collect();
             drop(answer.send(Ok(Gathered { stamp, material: self.material, tiles })));
+        }
+        let all = Arc::new(gathered.collect::<Vec<_>>());
+        for answer in orders.snapshots {
+            drop(answer.send(Ok(self.snapshot(stamp, all.clone()))));
         }
     }
 

@@ -9,9 +9,10 @@ use tokio::sync::mpsc;
 
 use crate::engine::frame::DeviceInfo;
 
-use super::error::SessionError;
-use super::handle::Session;
+use super::error::{Check, SessionError};
+use super::handle::{Session, blocking};
 use super::message::{self, Message};
+use super::snapshot::Snapshot;
 use super::spec::{Limits, SessionSpec};
 use super::token::Tokens;
 use super::vitals::Vitals;
@@ -94,22 +95,54 @@ impl Sessions {
     /// [`SessionError::ServerFull`] and [`SessionError::OutOfMemory`].
     pub async fn create(&self, spec: SessionSpec) -> Result<(Arc<Session>, Tokens), SessionError> {
         spec.check(&self.limits)?;
-        let id = spec.id.clone().unwrap_or_else(|| ulid::Ulid::generate().to_string());
+        let id = spec.id.clone();
+        self.make(id, spec, None).await
+    }
+
+    /// Creates a session from a snapshot, under a name or a new ULID.
+    ///
+    /// # Errors
+    /// As [`Sessions::create`]; a snapshot that is damaged or foreign is invalid.
+    pub async fn restore(
+        &self,
+        bytes: Arc<[u8]>,
+        id: Option<String>,
+    ) -> Result<(Arc<Session>, Tokens), SessionError> {
+        let mut check = Check::default();
+        if let Some(id) = &id {
+            check.id("id", id);
+        }
+        check.finish()?;
+        let (copy, limits) = (bytes.clone(), self.limits);
+        let snapshot = blocking(move || Snapshot::decode(&copy, &limits)).await?;
+        self.make(id, snapshot.spec().clone(), Some((bytes, Box::new(snapshot)))).await
+    }
+
+    async fn make(
+        &self,
+        id: Option<String>,
+        spec: SessionSpec,
+        saved: Option<(Arc<[u8]>, Box<Snapshot>)>,
+    ) -> Result<(Arc<Session>, Tokens), SessionError> {
+        let id = id.unwrap_or_else(|| ulid::Ulid::generate().to_string());
         let tokens = Tokens::generate()
             .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
         self.names.reserve(&id, spec.grid.cells(), &self.limits)?;
         let mut reservation = Reservation { names: &self.names, id: &id, kept: false };
 
+        let (origin, saved) = saved.unzip();
         let session = Arc::new(Session::new(
             id.clone(),
             spec,
+            origin,
+            self.limits,
             tokens.hashes(),
             self.keys.fetch_add(1, Ordering::Relaxed),
             self.world.clone(),
             self.frames.clone(),
         ));
         let made = session.clone();
-        message::ask(&self.world, |reply| Message::Create { session: made, reply }).await?;
+        message::ask(&self.world, |reply| Message::Create { session: made, saved, reply }).await?;
         if let Some(entry) = self.names.write().get_mut(&id) {
             entry.session = Some(session.clone());
         }

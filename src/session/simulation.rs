@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::engine::frame::{Deposit, Edit, Layout, Placement, Run, Slot, Work};
-use crate::snow::{CELL, ColumnRect, Footprint, MASS_QUANTA, Material, Position, Shape};
+use crate::snow::{CELL, ColumnRect, Contact, Footprint, MASS_QUANTA, Material, Position, Shape};
 
 use super::clock::{Advance, Clock};
 use super::error::SessionError;
@@ -13,6 +13,7 @@ use super::falling::Falling;
 use super::gather::Ledger;
 use super::handle::{Event, Session};
 use super::orders::{Answer, Flight, Orders, Reply, ReplyKind, refuse};
+use super::snapshot::Snapshot;
 use super::spec::SessionSpec;
 use super::step::{Goal, StepJob};
 use super::view::{Applied, Settings, Stamp};
@@ -36,7 +37,7 @@ pub struct Simulation {
     /// As `settled`, and no later cycle can change a cell either.
     still: bool,
     /// Cycle length of the last run: tiles that rested at one length may move at another.
-    last_dt: Option<f64>,
+    pub(super) last_dt: Option<f64>,
     /// Something has happened that the mirror doesn't show.
     pub(super) unpublished: bool,
     /// What the next frame has to do.
@@ -52,13 +53,15 @@ pub(super) struct Collider {
     pub mass: f64,
     pub shape: Shape,
     pub position: Position,
+    /// As last published.
+    pub contact: Contact,
 }
 
 impl Simulation {
-    /// A new session, with its first snow waiting for the next frame.
+    /// A new session without snow.
     pub(super) fn new(session: Arc<Session>, slot: Slot, frame: u64) -> Simulation {
         let spec = &session.spec;
-        let mut simulation = Simulation {
+        Simulation {
             slot,
             clock: Clock::new(spec.tick_rate, spec.time_scale),
             frame,
@@ -76,12 +79,15 @@ impl Simulation {
             flight: Flight::default(),
             step: None,
             session: session.clone(),
-        };
-        simulation.lay_initial_snow();
-        simulation
+        }
     }
 
-    fn lay_initial_snow(&mut self) {
+    /// Lays the initial snow, or restores what was saved.
+    pub(super) fn begin(&mut self, saved: Option<&Snapshot>) {
+        if let Some(snapshot) = saved {
+            self.restore(snapshot);
+            return;
+        }
         let session = self.session.clone();
         for layer in &session.spec.initial_snow {
             let density = layer.density.unwrap_or(self.material.fresh_density);
@@ -145,7 +151,7 @@ impl Simulation {
     }
 
     /// Back to the state it was created in. Seqs go on.
-    pub(super) fn reset(&mut self, answer: Answer<()>) {
+    pub(super) fn reset(&mut self, saved: Option<&Snapshot>, answer: Answer<()>) {
         let session = self.session.clone();
         let spec: &SessionSpec = &session.spec;
         self.clock = Clock::new(spec.tick_rate, spec.time_scale);
@@ -158,10 +164,9 @@ impl Simulation {
         self.next.edits.extend(removed.map(|id| Edit::RemoveCollider { id }));
         self.next.edits.push(Edit::Clear { columns: spec.grid.all(), depth: 0 });
         self.next.edits.push(Edit::SetMaterial(spec.material));
-        self.disturb();
         self.wake();
-        self.lay_initial_snow();
         self.settled = spec.initial_snow.is_empty();
+        self.begin(saved);
         self.next.changed = true;
         self.next.replies.push(Reply::Done(answer));
     }
@@ -236,6 +241,8 @@ impl Simulation {
         if !publish && run.cycles == 0 && orders.edits.is_empty() {
             self.next.wake |= orders.wake;
             self.next.changed |= orders.changed;
+            self.advance_goal(advance.ticks);
+            self.deposit_falling();
             return None;
         }
         let work = Work {
@@ -246,10 +253,16 @@ impl Simulation {
             publish,
             tally: !orders.tallies.is_empty(),
             samples: orders.samples.iter().map(|(wanted, _)| *wanted).collect(),
-            gather: orders.gathers.iter().flat_map(|(tiles, _)| tiles.iter().copied()).collect(),
+            gather: self.gather(&orders),
         };
         self.flight = Flight { orders, advance, clock_before: Some(clock_before), publish };
         Some(work)
+    }
+
+    /// Tiles that are wanted: those of each request, and all of them for snapshots.
+    fn gather(&self, orders: &Orders) -> Vec<u32> {
+        let all = if orders.snapshots.is_empty() { 0 } else { self.session.spec.grid.tiles() };
+        orders.gathers.iter().flat_map(|(tiles, _)| tiles.iter().copied()).chain(0..all).collect()
     }
 
     /// Takes the ticks that a frame has for this session.

@@ -7,6 +7,7 @@ use super::clock::Clock;
 use super::error::{Check, SessionError};
 use super::orders::{Answer, Reply};
 use super::simulation::Simulation;
+use super::snapshot::Snapshot;
 
 /// Most ticks of one step.
 const MOST_TICKS: u64 = 1_000_000;
@@ -125,13 +126,13 @@ impl Simulation {
     }
 
     /// Begins a reset, or refuses it.
-    pub(super) fn begin_reset(&mut self, answer: Answer<()>) {
+    pub(super) fn begin_reset(&mut self, saved: Option<&Snapshot>, answer: Answer<()>) {
         if self.step.is_some() {
             drop(answer.send(Err(SessionError::Conflict(
                 "the session is being stepped; wait for that".into(),
             ))));
         } else {
-            self.reset(answer);
+            self.reset(saved, answer);
         }
     }
 }

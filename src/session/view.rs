@@ -1,6 +1,6 @@
 //! What clients are told about a session.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::snow::{Grid, Material, Position, Shape};
@@ -20,7 +20,7 @@ pub enum State {
 }
 
 /// The settings of a session that can change while it lives.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Settings {
     /// Temperature of the air \[°C\].
     pub air_temperature: f64,

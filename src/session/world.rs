@@ -24,6 +24,7 @@ use super::message::Message;
 use super::orders::{Answer, Reply};
 use super::registry::{Names, Sessions};
 use super::simulation::Simulation;
+use super::snapshot::Snapshot;
 use super::spec::Limits;
 use super::vitals::Vitals;
 
@@ -283,7 +284,7 @@ impl Engine {
 
     fn take_message(&mut self, message: Message) -> bool {
         match message {
-            Message::Create { session, reply } => self.create(session, reply),
+            Message::Create { session, saved, reply } => self.create(session, saved, reply),
             Message::Delete { key, reply } => {
                 let result = self.with(key, |_| ()).map(|()| {
                     let deleted = SessionError::NotFound {
@@ -302,8 +303,11 @@ impl Engine {
             Message::Step { key, step, reply } => {
                 self.order(key, reply, |sim, reply| sim.begin_step(&step, reply));
             }
-            Message::Reset { key, reply } => {
-                self.order(key, reply, Simulation::begin_reset);
+            Message::Reset { key, saved, reply } => {
+                self.order(key, reply, |sim, reply| sim.begin_reset(saved.as_deref(), reply));
+            }
+            Message::Snapshot { key, reply } => {
+                self.order(key, reply, |sim, reply| sim.next.snapshots.push(reply));
             }
             Message::Gather { key, tiles, reply } => {
                 self.order(key, reply, |sim, reply| sim.next.gathers.push((tiles, reply)));
@@ -326,7 +330,7 @@ impl Engine {
         true
     }
 
-    fn create(&mut self, session: Arc<Session>, reply: Answer<()>) {
+    fn create(&mut self, session: Arc<Session>, saved: Option<Box<Snapshot>>, reply: Answer<()>) {
         let slot = self.slots.take();
         let layout = Simulation::layout(&session.spec);
         if let Err(failure) = self.backend.create(slot, &layout) {
@@ -341,6 +345,7 @@ impl Engine {
         }
         let key = session.key;
         let mut simulation = Simulation::new(session, slot, self.frame);
+        simulation.begin(saved.as_deref());
         simulation.next.replies.push(Reply::Created(reply));
         self.simulations.insert(key, simulation);
         self.active.insert(key);

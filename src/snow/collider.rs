@@ -14,7 +14,7 @@ pub const CONTACT_DEPTH: u32 = (CELL / 2 + 10) / 20;
 
 /// Outline of a rigid, level object seen from above.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(tag = "type", rename_all = "snake_case", try_from = "ShapeFields")]
 pub enum Shape {
     /// An axis-aligned rectangle.
     Box {
@@ -31,6 +31,50 @@ pub enum Shape {
         #[schema(exclusive_minimum = 0)]
         radius: f64,
     },
+}
+
+/// A shape as it is read: field by field, so that an error can name the one that is wrong.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ShapeFields {
+    r#type: ShapeType,
+    width: Option<f64>,
+    depth: Option<f64>,
+    radius: Option<f64>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum ShapeType {
+    Box,
+    Disk,
+}
+
+impl TryFrom<ShapeFields> for Shape {
+    type Error = String;
+
+    fn try_from(fields: ShapeFields) -> Result<Shape, String> {
+        let needed =
+            |name: &str, value: Option<f64>| value.ok_or_else(|| format!("missing field `{name}`"));
+        let unknown = |name: &str, value: Option<f64>, known: &str| match value {
+            Some(_) => Err(format!("unknown field `{name}`, expected {known}")),
+            None => Ok(()),
+        };
+        match fields.r#type {
+            ShapeType::Box => {
+                unknown("radius", fields.radius, "`type`, `width` or `depth`")?;
+                Ok(Shape::Box {
+                    width: needed("width", fields.width)?,
+                    depth: needed("depth", fields.depth)?,
+                })
+            }
+            ShapeType::Disk => {
+                unknown("width", fields.width, "`type` or `radius`")?;
+                unknown("depth", fields.depth, "`type` or `radius`")?;
+                Ok(Shape::Disk { radius: needed("radius", fields.radius)? })
+            }
+        }
+    }
 }
 
 /// A horizontal position \[m\].
@@ -148,7 +192,8 @@ pub fn elevation(ground: u32, height: u32) -> u32 {
 }
 
 /// How an object touches the snow, as evaluated before a cycle.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Contact {
     /// Elevation of the bottom, in elevation units.
     pub bottom: u32,

@@ -93,7 +93,8 @@ pub fn sample_column(
             hardness: material.hardness(density, cell.temperature),
             stiffness: material.stiffness(density),
             stress: cell.stress,
-            external_stress: (cell.stress - GRAVITY as f32 * (above as f32 * MASS_QUANTUM)).max(0.0),
+            external_stress: (cell.stress - GRAVITY as f32 * (above as f32 * MASS_QUANTUM))
+                .max(0.0),
             indent: law.indent(&cell, mass) as f32 * metres,
             ..Sample::default()
         };
@@ -175,8 +176,7 @@ mod tests {
     fn a_cell_of_the_grid_holds_parts_of_several_pieces() {
         let (grid, material) = (Grid::default(), Material::default());
         let cells = [cell(SHARE, CELL / 2, -2.0), cell(SHARE, CELL, -8.0)];
-        let samples =
-            sample_column(&grid, &material, 1.0 / 60.0, 0, cells.into_iter(), 0..4);
+        let samples = sample_column(&grid, &material, 1.0 / 60.0, 0, cells.into_iter(), 0..4);
         assert_eq!(samples[0].content(), Content::Snow);
         assert!((samples[0].fill - 1.0).abs() < 1e-6);
         // The denser piece whole, and half of the one above it: 4 kg/m² and 2 kg/m² in 0.2 m.
@@ -194,13 +194,11 @@ mod tests {
         // One and a quarter cells of ground, in units of half a quantum's resolution.
         let ground = CELL / 2 + CELL / 8;
         let cells = [cell(SHARE, CELL, -3.0)];
-        let samples =
-            sample_column(&grid, &material, 1.0 / 60.0, ground, cells.into_iter(), 0..4);
+        let samples = sample_column(&grid, &material, 1.0 / 60.0, ground, cells.into_iter(), 0..4);
         let contents: Vec<Content> = samples.iter().map(Sample::content).collect();
         assert_eq!(contents, [Content::Ground, Content::Snow, Content::Snow, Content::Air]);
         assert!((samples[1].fill - 0.75).abs() < 1e-6 && (samples[2].fill - 0.25).abs() < 1e-6);
-        let part =
-            sample_column(&grid, &material, 1.0 / 60.0, ground, cells.into_iter(), 2..3);
+        let part = sample_column(&grid, &material, 1.0 / 60.0, ground, cells.into_iter(), 2..3);
         assert_eq!(part, samples[2..3]);
     }
 
@@ -209,8 +207,7 @@ mod tests {
         let (grid, material) = (Grid::default(), Material::default());
         let cells: Vec<Cell> =
             (1..30).map(|i| cell(SHARE / 3 * i % 700_000 + 9, CELL / 31 * i, -3.0)).collect();
-        let samples =
-            sample_column(&grid, &material, 0.1, 12345, cells.iter().copied(), 0..40);
+        let samples = sample_column(&grid, &material, 0.1, 12345, cells.iter().copied(), 0..40);
         let sampled: f64 = samples.iter().map(|sample| f64::from(sample.mass)).sum();
         let mass: f64 = cells.iter().map(|cell| f64::from(cell.mass)).sum::<f64>() / 262_144.0;
         assert!((sampled / mass - 1.0).abs() < 1e-5, "{sampled} for {mass}");

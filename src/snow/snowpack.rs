@@ -93,6 +93,28 @@ impl Snowpack {
         self.list_loads();
     }
 
+    /// Replaces the columns of a tile. Stresses are taken as they are.
+    pub fn restore_tile(&mut self, tile: u32, columns: impl Iterator<Item = Column>) {
+        if let Some(tile) = self.tiles.get_mut(tile as usize) {
+            tile.restore(columns);
+        }
+    }
+
+    /// Replaces all objects by others and their contacts, as they were.
+    pub fn restore_colliders(
+        &mut self,
+        colliders: impl Iterator<Item = (Arc<str>, f64, Footprint, Contact)>,
+    ) {
+        self.colliders.clear();
+        for (id, mass, footprint, contact) in colliders {
+            self.put_collider(id.clone(), mass, footprint, false);
+            if let Some(collider) = self.colliders.get_mut(&id) {
+                collider.contact = contact;
+                (collider.placed, collider.changed) = (false, false);
+            }
+        }
+    }
+
     /// Takes an object away.
     pub fn remove_collider(&mut self, id: &str) {
         self.take_collider(id);

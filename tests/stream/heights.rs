@@ -126,8 +126,8 @@ async fn clients_of_different_rates_reach_the_same_state(backend: BackendChoice)
 
 async fn a_client_that_does_not_read_holds_up_nobody(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    let grid = json!({"width": 128, "depth": 128, "height": 10, "cell_size": 0.2});
-    let snow = json!([{"depth": 1.0}]);
+    let grid = json!({"width": 128, "depth": 128, "height": 20, "cell_size": 0.2});
+    let snow = json!([{"depth": 3.5}]);
     let spec = json!({"grid": grid, "paused": true, "initial_snow": snow});
     let session = server.create(spec).await;
     // What it does not read is more than the connection holds: 64 times 16384 heights, and again
@@ -139,12 +139,14 @@ async fn a_client_that_does_not_read_holds_up_nobody(backend: BackendChoice) {
     let mut other = Client::open(&server, &session).await;
     other.send(json!({"op": "subscribe", "id": 1, "max_rate": 60})).await;
     other.heights_of(1).await;
-    let mut heights = Vec::new();
+    let mut heights = server.heights(&session).await;
     for round in 0..10 {
+        let before = heights;
         server.step(&session, 20).await;
         other.send(json!({"op": "ping", "id": round})).await;
         other.answer().await;
         heights = server.heights(&session).await;
+        assert_ne!(rounded(&before, 0.001), rounded(&heights, 0.001));
         other.until(1, |view| view.samples_equal(&rounded(&heights, 0.001))).await;
     }
     for id in 0..64 {

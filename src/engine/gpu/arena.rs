@@ -3,13 +3,13 @@
 
 use std::ops::Range;
 
-use crate::engine::frame::{EngineError, Layout, Slot};
+use crate::engine::frame::{EngineError, Layout, Slot, TileCells};
 use crate::snow::TILE_COLUMNS;
 
 use super::buffer::Table;
 use super::device::Device;
 use super::kernels::Resource;
-use super::layout::{self, DIRTY, NO_SESSION};
+use super::layout::{self, AWAKE, DIRTY, NO_SESSION};
 use super::ranges::Ranges;
 
 /// Bytes of one row of 64 cells in one of a page's four buffers.
@@ -298,6 +298,38 @@ impl Arena {
             }
             self.write(device, Resource::Ground, lot.tiles.start * TILE_COLUMNS, &ground);
         }
+    }
+
+    /// Writes all cells of a snowpack, ahead of the next submit.
+    pub fn restore(&self, device: &Device, lot: &Lot, tiles: &[TileCells]) {
+        for (place, cells) in lot.places.iter().zip(tiles) {
+            let Some(page) = &self.pages[place.page as usize] else { continue };
+            let planes: [&[u8]; 4] = [
+                bytemuck::cast_slice(&cells.mass),
+                bytemuck::cast_slice(&cells.thickness),
+                bytemuck::cast_slice(&cells.temperature),
+                bytemuck::cast_slice(&cells.stress),
+            ];
+            for (buffer, plane) in page.cells.iter().zip(planes) {
+                device.queue.write_buffer(buffer, u64::from(place.row) * ROW_BYTES, plane);
+            }
+        }
+        let (mut heights, mut filled, mut tops) = (Vec::new(), Vec::new(), Vec::new());
+        for cells in tiles {
+            let mut top = 0;
+            for column in 0..TILE_COLUMNS {
+                heights.push(cells.column(column).map(|cell| cell.thickness).sum::<u32>());
+                let count = cells.column(column).count() as u32;
+                filled.push(count);
+                top = top.max(count);
+            }
+            tops.push(top);
+        }
+        let first = lot.tiles.start;
+        self.write(device, Resource::Heights, first * TILE_COLUMNS, &heights);
+        self.write(device, Resource::Filled, first * TILE_COLUMNS, &filled);
+        self.write(device, Resource::Tops, first, &tops);
+        self.write(device, Resource::States, first, &vec![AWAKE | DIRTY; tops.len()]);
     }
 
     /// Marks tiles as nobody's.

@@ -1,13 +1,15 @@
 //! A frame, turned into submits: one for each round of edits, the last of which also runs the
 //! cycles and copies out what is reported.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use crate::engine::frame::{Edit, Frame, SampleBox, Slot, Work};
 
 use super::GpuBackend;
 use super::kernels::KernelId;
 use super::plan::{Dispatch, Planner, Round};
 use super::readback::Copies;
-use super::resident;
+use super::resident::{self, Resident};
 
 impl GpuBackend {
     /// Carries a frame out and begins to read back what came of it.
@@ -22,10 +24,11 @@ impl GpuBackend {
         let total = edits.iter().map(|&count| u64::from(count)).sum();
         let samples = frame.work.iter().flat_map(|work| &work.samples).map(SampleBox::cells).sum();
         let mut encoder = self.tables.begin_frame(&self.device, total, tiles, samples);
+        let mut evaluated = BTreeSet::new();
         for round in rounds {
-            let mut planner = self.planner();
-            planner.0.edits(planner.1, round);
-            let dispatches = planner.0.dispatches;
+            let (mut planner, residents) = self.planner(&mut evaluated);
+            planner.edits(residents, round);
+            let dispatches = planner.dispatches;
             self.encode(&mut encoder, &dispatches);
             self.device.queue.submit([encoder.finish()]);
             encoder = self.device.device.create_command_encoder(&Default::default());
@@ -35,9 +38,9 @@ impl GpuBackend {
         let pages: Vec<u32> =
             (0..self.arena.pages.len()).map(|page| self.arena.page_rows(page)).collect();
         let always_awake = self.always_awake;
-        let (mut planner, residents) = self.planner();
+        let (mut planner, residents) = self.planner(&mut evaluated);
         planner.edits(residents, last);
-        planner.runs(residents, &frame.work, &edits, tile_end, &pages, always_awake);
+        planner.runs(residents, &frame.work, tile_end, &pages, always_awake);
         planner.reports(residents, &frame.work, tile_end);
         planner.samples(residents, &frame.work);
         let dispatches = planner.dispatches;
@@ -49,11 +52,17 @@ impl GpuBackend {
         self.readback.begin(submission);
     }
 
-    fn planner(
-        &mut self,
-    ) -> (Planner<'_>, &mut std::collections::BTreeMap<Slot, resident::Resident>) {
-        let planner =
-            Planner { device: &self.device, tables: &mut self.tables, dispatches: Vec::new() };
+    fn planner<'a>(
+        &'a mut self,
+        evaluated: &'a mut BTreeSet<Slot>,
+    ) -> (Planner<'a>, &'a mut BTreeMap<Slot, Resident>) {
+        let planner = Planner {
+            device: &self.device,
+            arena: &self.arena,
+            tables: &mut self.tables,
+            evaluated,
+            dispatches: Vec::new(),
+        };
         (planner, &mut self.residents)
     }
 

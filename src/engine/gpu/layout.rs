@@ -178,6 +178,21 @@ pub struct Contact {
     pub resting: u32,
 }
 
+impl From<&crate::snow::Contact> for Contact {
+    fn from(contact: &crate::snow::Contact) -> Self {
+        Contact {
+            bottom: contact.bottom,
+            reference: contact.reference,
+            support_low: contact.support as u32,
+            support_high: (contact.support >> 32) as u32,
+            area: contact.area,
+            pressure: contact.pressure,
+            width: contact.area.sqrt(),
+            resting: u32::from(contact.resting),
+        }
+    }
+}
+
 impl From<Contact> for crate::snow::Contact {
     fn from(row: Contact) -> Self {
         crate::snow::Contact {

@@ -1,14 +1,16 @@
 //! The dispatches of a submit, and the rows they work on.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
-use crate::engine::frame::{Edit, Slot, Work};
-use crate::snow::{ColumnRect, REFERENCE_CELL_SIZE};
+use crate::engine::frame::{Contents, Edit, Placement, Slot, Work};
+use crate::snow::{ColumnRect, Contact, REFERENCE_CELL_SIZE};
 
+use super::arena::Arena;
 use super::device::Device;
 use super::kernels::KernelId;
-use super::layout::{SampleJob, 
-    CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run, WAKE,
+use super::layout::{
+    CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run, SampleJob, WAKE,
 };
 use super::resident::{Body, Resident};
 use super::tables::Tables;
@@ -30,8 +32,12 @@ pub struct Dispatch {
 pub struct Planner<'a> {
     /// The device.
     pub device: &'a Device,
+    /// Where the cells are.
+    pub arena: &'a Arena,
     /// Where the rows go.
     pub tables: &'a mut Tables,
+    /// Snowpacks whose contacts have been evaluated in this frame.
+    pub evaluated: &'a mut BTreeSet<Slot>,
     /// What has been planned so far.
     pub dispatches: Vec<Dispatch>,
 }
@@ -83,6 +89,7 @@ impl Planner<'_> {
         let mut snowed = BTreeSet::new();
         let mut stressed = BTreeSet::new();
         let mut moved = false;
+        let evaluates = round.iter().any(|(_, edit)| !matches!(edit, Edit::Restore(_)));
         for (result, edit) in round {
             match edit {
                 Edit::Deposit(_) | Edit::Clear { .. } => {
@@ -116,11 +123,21 @@ impl Planner<'_> {
                     self.tables.set_session(self.device, slot, &resident.row);
                     stressed.extend(0..resident.lot.places.len() as u32);
                 }
+                Edit::Restore(contents) => {
+                    self.tables.forget_bodies(resident.bodies.values());
+                    self.arena.restore(self.device, &resident.lot, &contents.tiles);
+                    resident.bodies = self.restore_bodies(resident, &contents);
+                    moved = true;
+                }
             }
         }
         if moved {
             self.mark_loaded(slot, resident);
         }
+        if !evaluates {
+            return;
+        }
+        self.evaluated.insert(slot);
         let operations = self.tables.operations.len() - first_operation;
         for &tile in &snowed {
             let job = EditJob {
@@ -136,6 +153,22 @@ impl Planner<'_> {
         edited.colliders += resident.bodies.len() as u32;
         self.load_jobs(slot, resident, stressed.into_iter(), &mut edited.load_jobs);
         resident.bodies.values_mut().for_each(|body| body.placed = false);
+    }
+
+    /// Writes the contacts of saved objects, as they were.
+    fn restore_bodies(
+        &mut self,
+        resident: &Resident,
+        contents: &Contents,
+    ) -> BTreeMap<Arc<str>, Body> {
+        let body = |(id, placement, contact): &(Arc<str>, Arc<Placement>, Contact)| {
+            let row = self.tables.take_contact(self.device);
+            self.tables.set_contact(self.device, row, contact);
+            let tiles = placement.footprint.tiles(&resident.layout.grid);
+            let body = Body { placement: placement.clone(), contact: row, tiles, placed: false };
+            (id.clone(), body)
+        };
+        contents.colliders.iter().map(body).collect()
     }
 
     /// Lists the objects on each tile anew, and tells the device which tiles they stand on.
@@ -185,16 +218,16 @@ impl Planner<'_> {
         &mut self,
         residents: &BTreeMap<Slot, Resident>,
         work: &[Work],
-        edits: &[u32],
         tile_end: u32,
         pages: &[u32],
         always_awake: bool,
     ) {
         self.tables.runs.fill(Run::default());
-        for (work, &edits) in work.iter().zip(edits) {
+        for work in work {
             let flag = |set: bool, flag: u32| if set { flag } else { 0 };
-            let flags =
-                flag(work.wake, WAKE) | flag(work.publish, PUBLISH) | flag(edits > 0, EDITED);
+            let flags = flag(work.wake, WAKE)
+                | flag(work.publish, PUBLISH)
+                | flag(self.evaluated.contains(&work.slot), EDITED);
             self.tables.runs[work.slot as usize] = Run {
                 cycles: work.run.cycles,
                 flags,

@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use bytemuck::Pod;
 
-use crate::engine::frame::{EngineError, Outcome, SampleBox, Slot, TileCells, TileHeights, Work, WorkOutcome};
+use crate::engine::frame::{
+    EngineError, Outcome, SampleBox, Slot, TileCells, TileHeights, Work, WorkOutcome,
+};
 use crate::snow::{Sample, TILE_COLUMNS};
 
 use super::arena::{Arena, Place};

@@ -96,13 +96,14 @@ impl Resident {
 
 /// Splits numbered edits into rounds: in a round all snow falls before any object is put, so that
 /// each can be one dispatch for all snowpacks. Later puts of an object in a round replace earlier
-/// ones.
+/// ones. A restore begins a round: the host writes it ahead of the round's submit.
 pub fn rounds(edits: Vec<(u32, Edit)>) -> Vec<Vec<(u32, Edit)>> {
     let mut rounds: Vec<Vec<(u32, Edit)>> = Vec::new();
     let mut put = false;
     for (number, edit) in edits {
         let snow = matches!(edit, Edit::Deposit(_) | Edit::Clear { .. });
-        if snow && put {
+        let restore = matches!(edit, Edit::Restore(_));
+        if (snow && put) || (restore && !rounds.is_empty()) {
             rounds.push(Vec::new());
         }
         put = !snow;

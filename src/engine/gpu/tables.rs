@@ -146,6 +146,13 @@ impl Tables {
         }
     }
 
+    /// Writes how an object touches the snow.
+    pub fn set_contact(&self, device: &Device, row: u32, contact: &crate::snow::Contact) {
+        let contact = layout::Contact::from(contact);
+        let offset = u64::from(row) * std::mem::size_of::<layout::Contact>() as u64;
+        device.queue.write_buffer(self.contacts.buffer(), offset, bytemuck::bytes_of(&contact));
+    }
+
     /// Gives the rows of objects back.
     pub fn forget_bodies<'a>(&mut self, bodies: impl Iterator<Item = &'a Body>) {
         for body in bodies {

@@ -70,6 +70,15 @@ impl Tile {
         total
     }
 
+    /// Replaces all columns, stresses included.
+    pub fn restore(&mut self, columns: impl Iterator<Item = Column>) {
+        for (index, column) in columns.enumerate().take(COLUMNS) {
+            self.heights[index] = column.height();
+            self.columns[index] = column;
+        }
+        (self.awake, self.dirty, self.moved, self.stale) = (true, true, true, false);
+    }
+
     /// Evaluates stresses, and wakes the tile where one has changed.
     pub fn stress(&mut self, grid: &Grid, material: &Material, colliders: &[&Collider]) {
         let mut loads = Vec::with_capacity(self.loads.len());
