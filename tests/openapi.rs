@@ -63,6 +63,9 @@ fn it_lists_every_call() {
         "get /height",
         "get /columns/{column_x}/{column_z}",
         "get /mass",
+        "get /cells",
+        "get /snapshot",
+        "get /digest",
         "post /probes",
         "get /stream",
     ] {

@@ -130,6 +130,8 @@ fn start_log(config: &LogConfig) -> Result<(), Failure> {
     let ansi = std::io::stderr().is_terminal();
     // There is a log already where a test starts the server twice.
     let _ = tracing_subscriber::fmt()
+        // A log that nobody reads any more must not end the server.
+        .log_internal_errors(false)
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
         .with_ansi(ansi)

@@ -224,7 +224,7 @@ mod tests {
         let edits = vec![Edit::Deposit(fall), Edit::Clear { columns, depth: 3 * CELL }];
         let run = Run { cycles: 2, dt: 0.25 };
         let work =
-            Work { slot: 3, edits, run, publish: true, tally: true, gather: vec![1], wake: false };
+            Work { slot: 3, edits, run, publish: true, tally: true, gather: vec![1], ..Work::default() };
         let done = outcome(&mut backend, work);
         let own = &done.work[0];
         assert_eq!(

@@ -76,23 +76,32 @@ impl From<PathRejection> for Problem {
     }
 }
 
+/// The media type of a body, without its parameters and in lower case; empty where there is none.
+pub fn media_type(headers: &HeaderMap) -> String {
+    let found = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
+    found.and_then(|f| f.split(';').next()).unwrap_or("").trim().to_ascii_lowercase()
+}
+
 fn expect_json(headers: &HeaderMap) -> Result<(), Problem> {
-    let found = headers.get(header::CONTENT_TYPE).map(|value| value.to_str().unwrap_or("?"));
-    let essence = found.map(|f| f.split(';').next().unwrap_or("").trim().to_ascii_lowercase());
-    match essence {
-        Some(e) if e == "application/json" || is_json_like(&e) => Ok(()),
-        _ => Err(Problem::unsupported_media_type(format!(
-            "the body must be sent with `Content-Type: application/json`, found {}",
-            found.map_or("none".to_owned(), |found| format!("`{found}`"))
-        ))),
+    let found = media_type(headers);
+    if found == "application/json" || is_json_like(&found) {
+        return Ok(());
     }
+    let found = if found.is_empty() { "none".to_owned() } else { format!("`{found}`") };
+    Err(Problem::unsupported_media_type(format!(
+        "the body must be sent with `Content-Type: application/json`, found {found}"
+    )))
 }
 
 fn is_json_like(essence: &str) -> bool {
     essence.starts_with("application/") && essence.ends_with("+json")
 }
 
-async fn read_body(request: Request, app: &App) -> Result<Bytes, Problem> {
+/// Reads a body whole.
+///
+/// # Errors
+/// 413 where it is larger than the server reads, 400 where it breaks off.
+pub async fn read_body(request: Request, app: &App) -> Result<Bytes, Problem> {
     Bytes::from_request(request, app).await.map_err(|rejection| match rejection.status() {
         StatusCode::PAYLOAD_TOO_LARGE => Problem::too_large(format!(
             "the body is larger than the {} bytes that this server reads",

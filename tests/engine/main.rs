@@ -6,3 +6,4 @@ mod kernels;
 mod shaders;
 mod sleep;
 mod support;
+mod track;

@@ -230,6 +230,11 @@ impl Server {
         self.json(Method::POST, path, &body).await
     }
 
+    /// Posts a body that is not JSON.
+    pub async fn post_bytes(&self, path: &str, media_type: &str, body: Vec<u8>) -> Reply {
+        self.send(Method::POST, path, &[(CONTENT_TYPE.as_str(), media_type)], body).await
+    }
+
     pub async fn put(&self, path: &str, body: Value) -> Reply {
         self.json(Method::PUT, path, &body).await
     }

@@ -12,6 +12,7 @@ pub mod mass;
 pub mod openapi;
 pub mod probes;
 pub mod sessions;
+pub mod snapshots;
 pub mod snowfalls;
 
 use axum::http::{HeaderName, HeaderValue};

@@ -1,29 +1,40 @@
 //! Sessions: creating, listing, changing, stepping and deleting them.
 
 use axum::Json as Answer;
-use axum::extract::State;
+use axum::extract::{FromRequest, Request, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
 use crate::http::docs::{BodyProblems, ParameterProblems, SessionPath, SessionProblems};
-use crate::http::extract::{Json, OptionalJson, Query, Segments};
+use crate::http::extract::{
+    FromQuery, Json, OptionalJson, Query, Segments, media_type, read_body,
+};
+use crate::http::handlers::snapshots::SnapshotBytes;
 use crate::http::page::{Page, PageQuery};
 use crate::http::state::App;
-use crate::problem::Problem;
+use crate::http::query::Params;
+use crate::problem::{FieldError, Problem};
 use crate::session::{
-    Change, CreatedSession, SessionError, SessionSpec, SessionView, SettingsPatch, StepSpec,
+    Change, CreatedSession, SNAPSHOT_MEDIA_TYPE, SessionError, SessionSpec, SessionView,
+    SettingsPatch, StepSpec,
 };
+use utoipa::IntoParams;
 
 /// Create a session
 ///
-/// A session owns one snowpack. Every field has a default; an empty body will do. The tokens are
-/// told here and never again.
+/// A session owns one snowpack. Every field has a default; an empty body will do. A body that is a
+/// snapshot makes the session what was saved, bit for bit; its name is `?id=` then, or a new one.
+/// The tokens are told here and never again.
 #[utoipa::path(
     post,
     path = "/v1/sessions",
     operation_id = "create_session",
     tag = "sessions",
-    request_body = SessionSpec,
+    params(CreateQuery),
+    request_body(content(
+        (SessionSpec = "application/json"),
+        (SnapshotBytes = "application/vnd.firn.snapshot")
+    )),
     responses(
         (status = 201, description = "The session, and its tokens", body = CreatedSession,
             headers(("Location" = String, description = "Path of the session"))),
@@ -43,10 +54,23 @@ use crate::session::{
 )]
 pub async fn create(
     State(app): State<App>,
-    OptionalJson(spec): OptionalJson<SessionSpec>,
+    Query(query): Query<CreateQuery>,
+    request: Request,
 ) -> Result<Response, Problem> {
-    // A task of its own: where the client goes away, the session is whole or not there.
-    let making = tokio::spawn(async move { app.sessions.create(spec).await });
+    let making = if media_type(request.headers()) == SNAPSHOT_MEDIA_TYPE {
+        let bytes = read_body(request, &app).await?;
+        // A task of its own: where the client goes away, the session is whole or not there.
+        tokio::spawn(async move { app.sessions.restore(bytes.to_vec().into(), query.id).await })
+    } else {
+        let OptionalJson(spec) = OptionalJson::<SessionSpec>::from_request(request, &app).await?;
+        if query.id.is_some() {
+            return Err(Problem::invalid(vec![FieldError {
+                pointer: "id".to_owned(),
+                detail: "names a restored session only; a new one is named in the body".to_owned(),
+            }]));
+        }
+        tokio::spawn(async move { app.sessions.create(spec).await })
+    };
     let made = making.await.map_err(|_| SessionError::Internal("the creation failed".into()))?;
     let (session, tokens) = made?;
     let location = format!("/v1/sessions/{}", session.id);
@@ -56,6 +80,20 @@ pub async fn create(
         viewer_token: tokens.viewer_token,
     };
     Ok((StatusCode::CREATED, [(header::LOCATION, location)], Answer(created)).into_response())
+}
+
+/// How a restored session is to be called.
+#[derive(Debug, IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct CreateQuery {
+    /// Name of a session that is restored from a snapshot.
+    id: Option<String>,
+}
+
+impl FromQuery for CreateQuery {
+    fn from_query(params: &mut Params) -> CreateQuery {
+        CreateQuery { id: params.text("id") }
+    }
 }
 
 /// List sessions

@@ -10,11 +10,11 @@ use super::{CELL, Cell, Column, Compaction, GRAVITY, MASS_QUANTUM, SurfaceLoad, 
 use crate::snow::grid::Grid;
 use crate::snow::material::Material;
 
-/// Part of its thickness below which the indent of a cycle counts as smooth: 1/64.
+/// Halvings of a cell's thickness: an indent of up to 1/64 of it is smooth wherever it ends.
 const SMOOTH: u32 = 6;
 
-/// Part of its thickness that a cell may be pressed past its equilibrium: 1/4096.
-const PAST: u32 = 12;
+/// Halvings of a cell's thickness: an indent of up to 1/4096 of it may end past the equilibrium.
+const NEGLIGIBLE: u32 = 12;
 
 /// Most cycles that are run before the scan. Where indents are not smooth, they are large: few
 /// cycles suffice.
@@ -35,7 +35,7 @@ impl Column {
         let mut column = self.clone();
         for _ in 0..MOST_CYCLES {
             column.stress(grid, material, &[load]);
-            if !law.is_rough(&mut column.cells) {
+            if !law.runs_rough(&mut column.cells) {
                 break;
             }
         }
@@ -52,14 +52,14 @@ impl Column {
 
 impl Compaction<'_> {
     /// Runs a cycle; returns whether an indent was large or took a cell past its equilibrium.
-    fn is_rough(&self, cells: &mut [Cell]) -> bool {
+    fn runs_rough(&self, cells: &mut [Cell]) -> bool {
         let mut rough = false;
         for cell in cells {
             let before = cell.thickness;
             self.run(cell, 1);
             let indent = before - cell.thickness;
             rough |= indent > before >> SMOOTH
-                || (indent > before >> PAST
+                || (indent > before >> NEGLIGIBLE
                     && !self.is_densest(cell)
                     && self.hardness(cell) > cell.stress);
         }
