@@ -29,12 +29,18 @@ fn count(content: &Value, name: &str) -> usize {
 async fn the_grid_shows_ground_snow_and_air(backend: BackendChoice) {
     let server = Server::start(backend).await;
     let path = sloping(&server).await;
-    let all = server.get(&format!("{path}/cells?fields=density,fill,temperature")).await.expect(200);
+    let all =
+        server.get(&format!("{path}/cells?fields=density,fill,temperature")).await.expect(200);
     // 8 slots on ground up to 1.1 m above the lowest: 6 cells more.
-    assert_eq!((&all["width"], &all["depth"], &all["height"]), (&json!(12), &json!(10), &json!(14)));
+    assert_eq!(
+        (&all["width"], &all["depth"], &all["height"]),
+        (&json!(12), &json!(10), &json!(14))
+    );
     let content = &all["content"];
     assert_eq!(content.as_array().unwrap().len(), 12 * 10 * 14);
-    assert!(count(content, "ground") > 0 && count(content, "snow") > 0 && count(content, "air") > 0);
+    assert!(
+        count(content, "ground") > 0 && count(content, "snow") > 0 && count(content, "air") > 0
+    );
     let density = all["fields"]["density"].as_array().unwrap();
     for (name, density) in content.as_array().unwrap().iter().zip(density) {
         assert_eq!(name == "snow", density.is_number(), "{name} {density}");
@@ -78,9 +84,9 @@ async fn masses_of_the_grid_add_up(backend: BackendChoice) {
     server.post(&format!("{path}/step"), json!({"ticks": 200})).await.expect(200);
     let names = "mass,external_stress,indent,stiffness";
     let all = server.get(&format!("{path}/cells?fields={names}")).await.expect(200);
-    let sum: f64 =
-        all["fields"]["mass"].as_array().unwrap().iter().filter_map(Value::as_f64).sum();
-    let present = server.get(&format!("{path}/mass")).await.expect(200)["present"].as_f64().unwrap();
+    let sum: f64 = all["fields"]["mass"].as_array().unwrap().iter().filter_map(Value::as_f64).sum();
+    let present =
+        server.get(&format!("{path}/mass")).await.expect(200)["present"].as_f64().unwrap();
     assert!((sum * 0.04 / present - 1.0).abs() < 1e-5, "{} kg of {present} kg", sum * 0.04);
     let loads = all["fields"]["external_stress"].as_array().unwrap();
     assert!(loads.iter().filter_map(Value::as_f64).any(|stress| stress > 100.0));

@@ -130,13 +130,20 @@ async fn settings_change_and_others_stay(backend: BackendChoice) {
     server.stop().await;
 }
 
+/// Snow deep enough to settle under its own weight.
+fn deep() -> Value {
+    let mut spec = small();
+    spec["initial_snow"] = json!([{"depth": 3.5}]);
+    spec
+}
+
 async fn a_session_is_stepped_by_ticks_and_by_seconds(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    let path = server.create(small()).await;
+    let path = server.create(deep()).await;
     let stepped = server.step(&path, 120).await;
     assert_eq!(stepped["tick"], 120);
     assert!((stepped["sim_time"].as_f64().unwrap() - 2.0).abs() < 1e-9);
-    assert!(stepped["summary"]["mean_height"].as_f64().unwrap() < 1.0, "snow settles");
+    assert!(stepped["summary"]["mean_height"].as_f64().unwrap() < 3.5, "snow settles");
     let step = format!("{path}/step");
     let stepped = server.post(&step, json!({"seconds": 0.5})).await.expect(200);
     assert_eq!(stepped["tick"], 150);
@@ -146,9 +153,7 @@ async fn a_session_is_stepped_by_ticks_and_by_seconds(backend: BackendChoice) {
 
 async fn a_session_is_stepped_until_it_has_settled(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    let mut spec = small();
-    spec["initial_snow"] = json!([{"depth": 0.2}]);
-    let path = server.create(spec).await;
+    let path = server.create(deep()).await;
     let step = format!("{path}/step");
     let body = json!({"until_settled": true, "max_seconds": 3600});
     let settled = server.post(&step, body.clone()).await.expect(200);
@@ -162,9 +167,9 @@ async fn a_session_is_stepped_until_it_has_settled(backend: BackendChoice) {
     assert_eq!(later["tick"].as_u64(), Some(tick + 100), "time passes in settled snow too");
     assert_eq!(server.heights(&path).await, heights, "nothing moves any more");
 
-    let deep = server.create(small()).await;
+    let fresh = server.create(deep()).await;
     let body = json!({"until_settled": true, "max_seconds": 1});
-    let reply = server.post(&format!("{deep}/step"), body).await.expect(200);
+    let reply = server.post(&format!("{fresh}/step"), body).await.expect(200);
     assert_eq!((&reply["tick"], &reply["settled"]), (&json!(60), &json!(false)));
     server.stop().await;
 }

@@ -86,11 +86,16 @@ async fn what_is_not_a_sound_snapshot_is_refused(backend: BackendChoice) {
     let server = Server::start(backend).await;
     let path = eventful(&server).await;
     let good = snapshot(&server, &path).await;
-    let count = || async { server.get("/v1/sessions").await.expect(200)["items"].as_array().unwrap().len() };
+    let count = || async {
+        server.get("/v1/sessions").await.expect(200)["items"].as_array().unwrap().len()
+    };
     let before = count().await;
     let mut cases: Vec<(String, Vec<u8>)> = vec![
         ("empty".into(), Vec::new()),
-        ("foreign".into(), b"PK\x03\x04 something else entirely, long enough to have a head".to_vec()),
+        (
+            "foreign".into(),
+            b"PK\x03\x04 something else entirely, long enough to have a head".to_vec(),
+        ),
     ];
     for length in [7, 47, 48, 60, good.len() / 2, good.len() - 1] {
         cases.push((format!("cut to {length}"), good[..length].to_vec()));
@@ -134,8 +139,10 @@ async fn a_restored_session_is_reset_to_what_was_saved(backend: BackendChoice) {
 
 async fn digests_tell_snowpacks_apart(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    let body = || json!({"grid": {"width": 9, "depth": 9, "height": 9, "cell_size": 0.2},
-        "paused": true, "initial_snow": [{"depth": 1}]});
+    let body = || {
+        json!({"grid": {"width": 9, "depth": 9, "height": 9, "cell_size": 0.2},
+        "paused": true, "initial_snow": [{"depth": 1}]})
+    };
     let (a, b) = (server.create(body()).await, server.create(body()).await);
     assert_eq!(digest(&server, &a).await, digest(&server, &b).await);
     let region = json!({"x": 0.4, "z": 0.4, "width": 0.2, "depth": 0.2});

@@ -53,8 +53,8 @@ impl CpuBackend {
         let snowpack = self.snowpacks.get_mut(&slot).ok_or_else(|| {
             EngineError::DeviceFailed(format!("a frame has work for slot {slot}, which is empty"))
         })?;
-        let restored = |edit: &Edit| matches!(edit, Edit::Restore(_));
-        let edited = work.wake || !work.edits.iter().all(restored);
+        // What is restored is left as it was saved.
+        let edited = work.edits.last().is_some_and(|edit| !matches!(edit, Edit::Restore(_)));
         let mut put = false;
         let mut edits = Vec::with_capacity(work.edits.len());
         for edit in work.edits {
@@ -223,8 +223,15 @@ mod tests {
         let fall = Deposit { columns, depth: 5 * CELL, mass: 5 << 20, temperature: -3.0 };
         let edits = vec![Edit::Deposit(fall), Edit::Clear { columns, depth: 3 * CELL }];
         let run = Run { cycles: 2, dt: 0.25 };
-        let work =
-            Work { slot: 3, edits, run, publish: true, tally: true, gather: vec![1], ..Work::default() };
+        let work = Work {
+            slot: 3,
+            edits,
+            run,
+            publish: true,
+            tally: true,
+            gather: vec![1],
+            ..Work::default()
+        };
         let done = outcome(&mut backend, work);
         let own = &done.work[0];
         assert_eq!(

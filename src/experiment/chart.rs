@@ -12,13 +12,20 @@ use plotters::style::{Color, IntoFont, IntoTextStyle, RGBColor, ShapeStyle, Text
 
 use super::{ExperimentError, number};
 
-/// Size of a picture, and of the diagram without its legend, in pixels.
-const SIZE: (u32, u32) = (780, 460);
+/// Size of a picture, and width of the diagram without its legend, in pixels.
+const SIZE: (u32, u32) = (800, 460);
 const DIAGRAM: u32 = 580;
+
+/// Units of the drawing in a pixel. Plotters draws in whole units: curves of whole pixels would be
+/// jagged.
+const SCALE: u32 = 4;
 
 /// Distance between two lines of the legend, and where the first one is.
 const LEGEND_LINE: i32 = 24;
 const LEGEND_TOP: i32 = 24;
+
+/// Radius of a dot.
+const DOT: u32 = 3 * SCALE;
 
 const TEXT: RGBColor = RGBColor(40, 40, 40);
 const MESH: RGBColor = RGBColor(225, 225, 225);
@@ -113,16 +120,16 @@ type Drawn<T> = Result<T, DrawingAreaErrorKind<std::io::Error>>;
 impl Weight {
     fn style(self, colour: RGBColor) -> ShapeStyle {
         match self {
-            Weight::Thin => colour.stroke_width(1),
-            Weight::Usual => colour.stroke_width(2),
-            Weight::Broad => colour.mix(0.35).stroke_width(6),
+            Weight::Thin => colour.stroke_width(SCALE),
+            Weight::Usual => colour.stroke_width(2 * SCALE),
+            Weight::Broad => colour.mix(0.35).stroke_width(6 * SCALE),
         }
     }
 }
 
 impl Dots {
     fn style(&self) -> ShapeStyle {
-        if self.filled { self.colour.filled() } else { self.colour.stroke_width(1) }
+        if self.filled { self.colour.filled() } else { self.colour.stroke_width(SCALE) }
     }
 }
 
@@ -137,19 +144,22 @@ impl Chart {
             figure: self.title.clone(),
             why: error.to_string(),
         })?;
-        Ok(svg)
+        let [drawn, shown] = [SCALE, 1]
+            .map(|scale| format!("width=\"{}\" height=\"{}\"", SIZE.0 * scale, SIZE.1 * scale));
+        Ok(svg.replacen(&drawn, &shown, 1))
     }
 
     fn draw_into(&self, svg: &mut String) -> Drawn<()> {
-        let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+        let root =
+            SVGBackend::with_string(svg, (SIZE.0 * SCALE, SIZE.1 * SCALE)).into_drawing_area();
         root.fill(&WHITE)?;
-        let body = root.titled(&self.title, text(16, &root))?;
-        let (diagram, legend) = body.split_horizontally(DIAGRAM);
+        let body = root.titled(&self.title, text(19, &root))?;
+        let (diagram, legend) = body.split_horizontally(DIAGRAM * SCALE);
         let (x, y) = (self.x.range(), self.y.range());
         let mut plane = ChartBuilder::on(&diagram)
-            .margin(10)
-            .x_label_area_size(48)
-            .y_label_area_size(62)
+            .margin(10 * SCALE)
+            .x_label_area_size(50 * SCALE)
+            .y_label_area_size(66 * SCALE)
             .build_cartesian_2d(x, y)?;
         plane
             .configure_mesh()
@@ -159,11 +169,11 @@ impl Chart {
             .y_labels(9)
             .x_label_formatter(&|&place| self.x.number(place))
             .y_label_formatter(&|&place| self.y.number(place))
-            .label_style(text(13, &root))
-            .axis_desc_style(text(14, &root))
-            .axis_style(TEXT)
-            .bold_line_style(MESH)
-            .light_line_style(WHITE.mix(0.0))
+            .label_style(text(15, &root))
+            .axis_desc_style(text(16, &root))
+            .axis_style(TEXT.stroke_width(SCALE))
+            .bold_line_style(MESH.stroke_width(SCALE))
+            .set_all_tick_mark_size(5 * SCALE)
             .max_light_lines(0)
             .draw()?;
         self.draw_content(&mut plane)?;
@@ -183,7 +193,7 @@ impl Chart {
         }
         for dots in &self.dots {
             let style = dots.style();
-            plane.draw_series(dots.points.iter().map(|p| Circle::new(place(p), 3, style)))?;
+            plane.draw_series(dots.points.iter().map(|p| Circle::new(place(p), DOT, style)))?;
         }
         Ok(())
     }
@@ -192,30 +202,36 @@ impl Chart {
         let mut y = LEGEND_TOP;
         let mut entry = |label: &str, draw: &mut dyn FnMut(i32) -> Drawn<()>| {
             draw(y)?;
-            let style = text(13, area).pos(Pos::new(HPos::Left, VPos::Center));
-            area.draw(&Text::new(label.to_owned(), (40, y), style))?;
+            let style = text(15, area).pos(Pos::new(HPos::Left, VPos::Center));
+            area.draw(&Text::new(label.to_owned(), at(40, y), style))?;
             y += LEGEND_LINE;
-            Ok::<_, DrawingAreaErrorKind<std::io::Error>>(())
+            Drawn::Ok(())
         };
         for line in &self.lines {
+            let style = line.weight.style(line.colour);
             entry(&line.label, &mut |y| {
-                let style = line.weight.style(line.colour);
-                area.draw(&PathElement::new([(6, y), (32, y)], style))
+                area.draw(&PathElement::new([at(6, y), at(32, y)], style))
             })?;
         }
         for dots in &self.dots {
-            entry(&dots.label, &mut |y| area.draw(&Circle::new((19, y), 3, dots.style())))?;
+            entry(&dots.label, &mut |y| area.draw(&Circle::new(at(19, y), DOT, dots.style())))?;
         }
         for band in &self.bands {
             entry(&band.label, &mut |y| {
-                area.draw(&Rectangle::new([(6, y - 7), (32, y + 7)], band.colour.filled()))
+                let corners = [at(6, y - 7), at(32, y + 7)];
+                area.draw(&Rectangle::new(corners, band.colour.filled()))
             })?;
         }
         Ok(())
     }
 }
 
+/// A place given in pixels.
+fn at(x: i32, y: i32) -> (i32, i32) {
+    (x * SCALE as i32, y * SCALE as i32)
+}
+
 /// Text of a size in pixels.
-fn text(size: i32, area: &Area<'_>) -> TextStyle<'static> {
-    ("sans-serif", size).into_font().color(&TEXT).into_text_style(area)
+fn text(size: u32, area: &Area<'_>) -> TextStyle<'static> {
+    ("sans-serif", size * SCALE).into_font().color(&TEXT).into_text_style(area)
 }

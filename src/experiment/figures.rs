@@ -50,13 +50,13 @@ fn density(study: &Study) -> Chart {
             points: over_depth(&profile.column, |layer| layer.density),
         })
         .collect();
-    let bands = last(study).flat_map(|(profile, _)| weak_layers(&profile.column)).collect();
-    let densest = greatest(lines.iter().flat_map(|line| &line.points).map(|p| p.0));
+    let densities = || lines.iter().flat_map(|line| &line.points).map(|p| p.0);
+    let (least, most) = (-greatest(densities().map(|density| -density)), greatest(densities()));
     Chart {
         title: study.title.clone(),
-        x: Axis::new("density [kg/m³]", 0.0, 1.05 * densest),
+        x: Axis::new("density [kg/m³]", (least / 5.0 - 0.5).floor() * 5.0, 1.03 * most),
         y: depth_axis(study.profiles.iter()),
-        bands,
+        bands: weak_layers(study),
         lines,
         dots: Vec::new(),
     }
@@ -162,7 +162,7 @@ fn stress(study: &Study) -> Chart {
         title: study.title.clone(),
         x: Axis::new("stress, hardness [Pa]", 0.0, 1.05 * most),
         y: depth_axis(last(study).map(|(profile, _)| profile)),
-        bands: last(study).flat_map(|(profile, _)| weak_layers(&profile.column)).collect(),
+        bands: weak_layers(study),
         lines,
         dots: Vec::new(),
     }
@@ -213,7 +213,12 @@ fn depth_axis<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Axis {
     Axis { down: true, ..Axis::new(DEPTH, 0.0, deepest) }
 }
 
-fn weak_layers(column: &ColumnView) -> Vec<Band> {
+/// The weak layers of the final state, where there is one final state.
+fn weak_layers(study: &Study) -> Vec<Band> {
+    let mut states = last(study);
+    let (Some((Profile { column, .. }, _)), None) = (states.next(), states.next()) else {
+        return Vec::new();
+    };
     let bands = column.weak_layers.iter().map(|weak| Band {
         label: "weak layer".to_owned(),
         colour: WEAK,

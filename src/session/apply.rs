@@ -107,6 +107,7 @@ impl Simulation {
         check.range("/stiffness_exponent", exponent, 3.0, 6.0, "");
         check.finish()?;
 
+        self.falling.mark(self.clock.tick(), self.snowing());
         if (new.time_scale, new.tick_rate) != (old.time_scale, old.tick_rate) {
             self.clock.set_rate(new.tick_rate, new.time_scale);
             self.wake();

@@ -16,6 +16,7 @@ use super::error::SessionError;
 use super::gather::Sampled;
 use super::message::{self, Message};
 use super::mirror::Mirror;
+use super::registry::Sessions;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 use super::spec::{Limits, SessionSpec};
@@ -99,14 +100,11 @@ pub struct Session {
 
 impl Session {
     pub(super) fn new(
+        sessions: &Sessions,
         id: String,
         spec: SessionSpec,
         origin: Option<Arc<[u8]>>,
-        limits: Limits,
         tokens: TokenHashes,
-        key: u64,
-        world: mpsc::Sender<Message>,
-        frames: Arc<AtomicU64>,
     ) -> Session {
         let clock = super::clock::Clock::new(spec.tick_rate, spec.time_scale);
         let mirror = Mirror::new(spec.grid, spec.material, spec.settings(), clock);
@@ -115,15 +113,15 @@ impl Session {
             epoch: ulid::Ulid::generate().to_string(),
             created_at: humantime::format_rfc3339_millis(std::time::SystemTime::now()).to_string(),
             origin,
-            limits,
+            limits: *sessions.limits(),
             tokens,
-            key,
+            key: sessions.keys.fetch_add(1, Ordering::Relaxed),
             published: watch::Sender::new(mirror.seq),
             mirror: RwLock::new(mirror),
             events: broadcast::Sender::new(EVENT_BACKLOG),
             gone: CancellationToken::new(),
-            world,
-            frames,
+            world: sessions.world.clone(),
+            frames: sessions.frames.clone(),
             spec,
         }
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Bound;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use tokio::sync::mpsc;
@@ -70,11 +70,12 @@ impl Names {
 #[derive(Clone, Debug)]
 pub struct Sessions {
     names: Arc<Names>,
-    world: mpsc::Sender<Message>,
+    pub(super) world: mpsc::Sender<Message>,
     vitals: Arc<Vitals>,
-    frames: Arc<AtomicU64>,
+    pub(super) frames: Arc<AtomicU64>,
     limits: Limits,
-    keys: Arc<AtomicU64>,
+    /// The next session's key.
+    pub(super) keys: Arc<AtomicU64>,
 }
 
 impl Sessions {
@@ -131,16 +132,7 @@ impl Sessions {
         let mut reservation = Reservation { names: &self.names, id: &id, kept: false };
 
         let (origin, saved) = saved.unzip();
-        let session = Arc::new(Session::new(
-            id.clone(),
-            spec,
-            origin,
-            self.limits,
-            tokens.hashes(),
-            self.keys.fetch_add(1, Ordering::Relaxed),
-            self.world.clone(),
-            self.frames.clone(),
-        ));
+        let session = Arc::new(Session::new(self, id.clone(), spec, origin, tokens.hashes()));
         let made = session.clone();
         message::ask(&self.world, |reply| Message::Create { session: made, saved, reply }).await?;
         if let Some(entry) = self.names.write().get_mut(&id) {

@@ -9,7 +9,7 @@ use crate::snow::{CELL, ColumnRect, Contact, Footprint, MASS_QUANTA, Material, P
 
 use super::clock::{Advance, Clock};
 use super::error::SessionError;
-use super::falling::Falling;
+use super::falling::{Falling, Snowing};
 use super::gather::Ledger;
 use super::handle::{Event, Session};
 use super::orders::{Answer, Flight, Orders, Reply, ReplyKind, refuse};
@@ -275,21 +275,22 @@ impl Simulation {
             (self.owed + self.clock.ticks_between(self.frame, frame), u32::MAX)
         };
         self.frame = frame;
-        let grid = self.session.spec.grid;
-        let rate = self.settings.snowfall_rate;
-        let until_snow = self.falling.ticks_until_due(rate, self.clock.dt(), grid.cell_size);
-        let advance = self.clock.advance(due.min(until_snow), cycles);
+        let snow = self.falling.ticks_until_due(self.clock.tick(), self.snowing());
+        let advance = self.clock.advance(due.min(snow.unwrap_or(u64::MAX)), cycles);
         self.owed = if self.step.is_none() { due - advance.ticks } else { 0 };
-        if rate > 0.0 && advance.ticks > 0 {
-            let time = advance.ticks as f64 * self.clock.dt();
-            self.falling.fall(rate, time, self.material.fresh_density, grid.cell_size);
-        }
         advance
+    }
+
+    /// What falls in a tick.
+    pub(super) fn snowing(&self) -> Snowing {
+        let rate = self.settings.snowfall_rate;
+        let density = self.material.fresh_density;
+        Snowing::new(rate, density, self.clock.dt(), &self.session.spec.grid)
     }
 
     /// Deposits the continuous snowfall, once there is enough of it.
     pub(super) fn deposit_falling(&mut self) {
-        if let Some((depth, mass)) = self.falling.take() {
+        if let Some((depth, mass)) = self.falling.take(self.clock.tick(), self.snowing()) {
             let celsius = self.settings.air_temperature;
             let all = self.session.spec.grid.all();
             self.deposit_quanta(all, depth, mass, celsius);

@@ -223,7 +223,7 @@ impl Description {
             ("/spec/id", self.spec.id.is_none()),
             ("/material", fixed == self.spec.material),
             ("/clock", clock_fits),
-            ("/falling", self.falling.is_sound()),
+            ("/falling", self.falling.is_sound(self.clock.tick())),
             ("/ledger", out.is_some_and(|out| out <= ledger.fallen)),
             ("/last_cycle", self.last_cycle.is_none_or(|dt| (0.0..=1.0).contains(&dt))),
             ("/colliders", self.colliders.len() <= limits.colliders_per_session),

@@ -261,7 +261,10 @@ fn the_fixed_grid_is_sampled_as_in_the_reference() {
             assert!(close(ours.hardness, theirs.hardness, 2.0), "{ours:?} {theirs:?}");
             assert!(close(ours.stiffness, theirs.stiffness, 10.0), "{ours:?} {theirs:?}");
             assert!(close(ours.stress, theirs.stress, 0.5), "{ours:?} {theirs:?}");
-            assert!(close(ours.external_stress, theirs.external_stress, 0.5), "{ours:?} {theirs:?}");
+            assert!(
+                close(ours.external_stress, theirs.external_stress, 0.5),
+                "{ours:?} {theirs:?}"
+            );
             assert!(close(ours.indent, theirs.indent, 1e-4), "{ours:?} {theirs:?}");
         }
         let present: u64 = cells(&mut gpu, slot, &grid)

@@ -61,9 +61,12 @@ fn travel(backend: &mut dyn Backend) {
     };
     for step in (0..MOVES).step_by(50) {
         let (x, z) = place(step);
-        assert!(sunk(x, z) > 0.05, "no track at step {step}: {} m", sunk(x, z));
+        assert!(sunk(x, z) > 0.03, "no track at step {step}: {} m", sunk(x, z));
     }
-    assert!(sunk(0.1, 0.1).abs() < 1e-3 && sunk(7.9, 3.9).abs() < 1e-3, "snow beside the track fell");
+    assert!(
+        sunk(0.1, 0.1).abs() < 1e-3 && sunk(7.9, 3.9).abs() < 1e-3,
+        "snow beside the track fell"
+    );
 }
 
 #[test]

@@ -6,13 +6,11 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
 use crate::http::docs::{BodyProblems, ParameterProblems, SessionPath, SessionProblems};
-use crate::http::extract::{
-    FromQuery, Json, OptionalJson, Query, Segments, media_type, read_body,
-};
+use crate::http::extract::{FromQuery, Json, OptionalJson, Query, Segments, media_type, read_body};
 use crate::http::handlers::snapshots::SnapshotBytes;
 use crate::http::page::{Page, PageQuery};
-use crate::http::state::App;
 use crate::http::query::Params;
+use crate::http::state::App;
 use crate::problem::{FieldError, Problem};
 use crate::session::{
     Change, CreatedSession, SNAPSHOT_MEDIA_TYPE, SessionError, SessionSpec, SessionView,
