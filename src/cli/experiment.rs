@@ -102,7 +102,11 @@ pub fn run(options: &Options) -> Result<(), Failure> {
         World::start(backend, config).map_err(|error| failed("starting the engine", error))?;
     let result = runtime.block_on(carry_out(options, &sessions));
     world.stop();
-    let deviations = result?;
+    verdict(&result?)
+}
+
+/// Fails where something deviates, and says what.
+fn verdict(deviations: &[String]) -> Result<(), Failure> {
     if deviations.is_empty() {
         return Ok(());
     }
@@ -149,5 +153,19 @@ fn print(text: &str) -> Result<(), Failure> {
             Err(Failure::Failed(format!("standard output: {error}")))
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_deviation_is_a_failure_that_names_it() {
+        assert!(verdict(&[]).is_ok());
+        let Err(Failure::Failed(message)) = verdict(&["1a: height is 5 m".to_owned()]) else {
+            panic!("it deviates");
+        };
+        assert!(message.contains("1a: height is 5 m"));
     }
 }

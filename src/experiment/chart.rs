@@ -153,7 +153,7 @@ impl Chart {
         let root =
             SVGBackend::with_string(svg, (SIZE.0 * SCALE, SIZE.1 * SCALE)).into_drawing_area();
         root.fill(&WHITE)?;
-        let body = root.titled(&self.title, text(19, &root))?;
+        let body = root.margin(6 * SCALE, 0, 0, 0).titled(&self.title, text(19, &root))?;
         let (diagram, legend) = body.split_horizontally(DIAGRAM * SCALE);
         let (x, y) = (self.x.range(), self.y.range());
         let mut plane = ChartBuilder::on(&diagram)

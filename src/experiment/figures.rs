@@ -22,9 +22,10 @@ const COLOURS: [RGBColor; 6] = [
 const WEAK: RGBColor = RGBColor(255, 226, 190);
 const REFERENCE: RGBColor = RGBColor(90, 90, 90);
 
-/// From the warmest snow to the coldest.
+/// Colours of snow at 0, −8 and −16 °C and below.
 const TEMPERATURES: [RGBColor; 3] =
-    [RGBColor(200, 60, 20), RGBColor(226, 165, 40), RGBColor(30, 100, 190)];
+    [RGBColor(170, 30, 20), RGBColor(226, 165, 40), RGBColor(20, 80, 190)];
+const HALF_WAY: f64 = -8.0;
 
 /// How far a temperature \[°C\] may be from a whole degree for the law's curve to be drawn.
 const NEAR_DEGREE: f64 = 0.05;
@@ -76,9 +77,9 @@ fn hardness(study: &Study) -> Chart {
             (density, f64::from(hardness))
         })
     };
-    let lines = degrees.iter().enumerate().map(|(i, &degree)| Line {
+    let lines = degrees.iter().map(|&degree| Line {
         label: format!("law at {} °C", number(f64::from(degree), 0)),
-        colour: temperature_colour(i, degrees.len()),
+        colour: temperature_colour(f64::from(degree)),
         weight: Weight::Usual,
         points: law(degree).collect(),
     });
@@ -177,8 +178,8 @@ fn colours() -> impl Iterator<Item = RGBColor> {
     COLOURS.into_iter().cycle()
 }
 
-fn temperature_colour(i: usize, count: usize) -> RGBColor {
-    let place = 2.0 * i as f64 / count.saturating_sub(1).max(1) as f64;
+fn temperature_colour(celsius: f64) -> RGBColor {
+    let place = (celsius / HALF_WAY).clamp(0.0, 2.0);
     let from = (place as usize).min(1);
     let mixed = |of: fn(RGBColor) -> u8| {
         let (a, b) = (f64::from(of(TEMPERATURES[from])), f64::from(of(TEMPERATURES[from + 1])));

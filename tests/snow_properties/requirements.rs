@@ -35,14 +35,13 @@ fn layers() -> impl Strategy<Value = Layers> {
     prop::collection::vec((0.2..8.0, 15.0..60.0, -25.0..0.0_f32), 1..6)
 }
 
-/// A column of layers, all of them warmer by some degrees.
-fn column(layers: &Layers, warmer: f32) -> Column {
+fn column(layers: &Layers) -> Column {
     let grid = Grid::default();
     let mut column = Column::default();
     for &(depth, density, temperature) in layers {
         let mass = (depth * grid.cell_size * density * MASS_QUANTA).round() as u32;
         let depth = (depth * f64::from(CELL)).round() as u32;
-        let refused = column.deposit(grid.height, mass, depth, (temperature + warmer).min(0.0));
+        let refused = column.deposit(grid.height, mass, depth, temperature);
         assert_eq!(refused, 0);
     }
     column
@@ -74,7 +73,7 @@ proptest! {
         layers in layers(),
         excess in 50.0..20_000.0_f32,
     ) {
-        let mut column = column(&layers, 0.0);
+        let mut column = column(&layers);
         let before = column.clone();
         let top = before.cells[before.cells.len() - 1];
         let pressure = material.hardness(density(&top), top.temperature) + excess;
@@ -90,7 +89,7 @@ proptest! {
         pressure in 0.0..2_000.0_f32,
         cycles in 1..600_u32,
     ) {
-        let mut column = column(&layers, 0.0);
+        let mut column = column(&layers);
         let grid = Grid::default();
         column.stress(&grid, &material, &[SurfaceLoad { pressure, width: 1.0 }]);
         let before = column.clone();
@@ -111,7 +110,8 @@ proptest! {
         layers in layers(),
         pressure in 0.0..1e8_f32,
     ) {
-        let mut column = column(&layers, 0.0);
+        let mut column = column(&layers);
+        let before = column.clone();
         let grid = Grid::default();
         let load = SurfaceLoad { pressure, width: 50.0 };
         let rests = (0..200).any(|_| {
@@ -119,9 +119,11 @@ proptest! {
             column.compact(&grid, &material, 100_000, 0.25) == 0
         });
         prop_assert!(rests);
-        let least = grid.cell_size * material.max_density * MASS_QUANTA / f64::from(CELL);
-        for cell in &column.cells {
-            prop_assert!(f64::from(cell.mass) <= f64::from(cell.thickness) * least * (1.0 + 1e-6));
+        let densest = grid.cell_size * material.max_density * MASS_QUANTA / f64::from(CELL);
+        for (cell, was) in column.cells.iter().zip(&before.cells) {
+            // The thinnest of cells may have been denser to begin with, by a quantum or two.
+            let least = (f64::from(cell.mass) / densest).min(f64::from(was.thickness));
+            prop_assert!(f64::from(cell.thickness) >= least * (1.0 - 1e-6));
         }
     }
 
@@ -150,12 +152,11 @@ proptest! {
         warmer in 0.0..25.0_f32,
         cycles in 1..900_u32,
     ) {
-        let [mut cold, mut warm] = [0.0, warmer].map(|warmer| column(&layers, warmer));
-        // Layers that are alike top each other up, and warmth may make them alike.
-        let thicknesses = |column: &Column| -> Vec<u32> {
-            column.cells.iter().map(|cell| cell.thickness).collect()
-        };
-        prop_assume!(thicknesses(&cold) == thicknesses(&warm));
+        let mut cold = column(&layers);
+        let mut warm = cold.clone();
+        for cell in &mut warm.cells {
+            cell.temperature = (cell.temperature + warmer).min(0.0);
+        }
         for column in [&mut cold, &mut warm] {
             column.stress(&Grid::default(), &material, &[]);
             column.compact(&Grid::default(), &material, cycles, DT);
@@ -175,7 +176,7 @@ proptest! {
         more in layers(),
     ) {
         let load = Some(SurfaceLoad { pressure, width: 1.0 });
-        let mut column = column(&layers, 0.0);
+        let mut column = column(&layers);
         let mass = |depth: f64, density: f64| (depth * 0.2 * density * MASS_QUANTA).round() as u32;
         let mut ledger: u32 = layers.iter().map(|&(depth, density, _)| mass(depth, density)).sum();
         prop_assert_eq!(column.mass(), ledger);
@@ -304,7 +305,7 @@ proptest! {
 
 /// Height in metres of 5.8 m of the thesis's snow after 60 s under 100 kg on an area, if any.
 fn settled(temperature: f32, area: Option<f32>) -> f64 {
-    let mut column = column(&vec![(29.0, 20.0, temperature)], 0.0);
+    let mut column = column(&vec![(29.0, 20.0, temperature)]);
     let load = area
         .map(|area| SurfaceLoad { pressure: 100.0 * GRAVITY as f32 / area, width: area.sqrt() });
     press(&mut column, &Material::default(), load, 3600);
