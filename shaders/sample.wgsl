@@ -13,9 +13,6 @@
 @group(0) @binding(9) var<storage, read> temperature: array<f32>;
 @group(0) @binding(10) var<storage, read> stress: array<f32>;
 
-const GRAVITY: f32 = 9.81;
-const MASS_QUANTUM: f32 = 1.0 / 262144.0;
-
 const AIR: u32 = 0u;
 const SNOW: u32 = 1u;
 const GROUND: u32 = 2u;

@@ -20,8 +20,6 @@
 @group(0) @binding(14) var<storage, read> thickness: array<u32>;
 @group(0) @binding(15) var<storage, read_write> stress: array<f32>;
 
-const GRAVITY: f32 = 9.81;
-const MASS_QUANTUM: f32 = 1.0 / 262144.0;
 const TWO_TO_ONE: u32 = 0u;
 const UNIFORM: u32 = 1u;
 // Loads on one column that are kept in registers; any more are looked up for every cell.

@@ -1,16 +1,40 @@
 //! The thesis's experiments through sessions, on each backend, and the program's `experiment`.
 
+use std::cell::Cell;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use firn::cli::open_backend;
 use firn::config::{BackendChoice, EngineConfig};
-use firn::experiment::{self, Experiment, Study};
-use firn::session::{ColumnView, Limits, World, WorldConfig};
+use firn::experiment::{self, Experiment, ExperimentError, Study};
+use firn::session::{ColumnView, Limits, Sessions, World, WorldConfig};
 
 /// Columns along each side of a small grid, whose last tiles are partly covered.
 const SMALL: u32 = 9;
+
+fn start(backend: BackendChoice) -> (Sessions, World) {
+    let engine = EngineConfig { backend, device_memory: None, ephemeral: true };
+    let backend = open_backend(&engine).expect("a graphics adapter to test");
+    let limits = Limits {
+        sessions: 1,
+        cells_per_session: 1 << 20,
+        cells: 1 << 20,
+        colliders_per_session: 3,
+    };
+    let config = WorldConfig { limits, publish_rate: 20.0, sleep: true };
+    World::start(backend, config).expect("the world starts")
+}
+
+fn run(
+    sessions: &Sessions,
+    experiment: Experiment,
+    side: u32,
+    progress: &dyn Fn(u64),
+) -> Result<Vec<Study>, ExperimentError> {
+    let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");
+    runtime.block_on(experiment::run(sessions, experiment, side, progress))
+}
 
 /// Carries an experiment out; `None` where the environment says that there is no GPU to test.
 fn studies(experiment: Experiment, side: u32, backend: BackendChoice) -> Option<Vec<Study>> {
@@ -19,22 +43,10 @@ fn studies(experiment: Experiment, side: u32, backend: BackendChoice) -> Option<
         eprintln!("IGNORED: FIRN_SKIP_GPU_TESTS=1, the GPU is not tested");
         return None;
     }
-    let engine = EngineConfig { backend, device_memory: None, ephemeral: true };
-    let limits = Limits {
-        sessions: 1,
-        cells_per_session: 1 << 20,
-        cells: 1 << 20,
-        colliders_per_session: 3,
-    };
-    let config = WorldConfig { limits, publish_rate: 20.0, sleep: true };
-    let backend = open_backend(&engine).expect("a graphics adapter to test");
-    let (sessions, world) = World::start(backend, config).expect("the world starts");
-    let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");
-    let ticks = std::cell::Cell::new(0);
+    let (sessions, world) = start(backend);
+    let ticks = Cell::new(0);
     let progress = |taken| ticks.set(ticks.get() + taken);
-    let studies = runtime
-        .block_on(experiment::run(&sessions, experiment, side, &progress))
-        .expect("it is carried out");
+    let studies = run(&sessions, experiment, side, &progress).expect("it is carried out");
     assert_eq!(ticks.get(), experiment.ticks(), "progress is told to the end");
     assert_eq!(sessions.count(), 0, "nothing is left behind");
     world.stop();
@@ -99,18 +111,8 @@ on_each_backend! {
 
 #[test]
 fn objects_that_do_not_fit_are_refused() {
-    let engine = EngineConfig { backend: BackendChoice::Cpu, device_memory: None, ephemeral: true };
-    let limits = Limits {
-        sessions: 1,
-        cells_per_session: 1 << 20,
-        cells: 1 << 20,
-        colliders_per_session: 3,
-    };
-    let config = WorldConfig { limits, publish_rate: 20.0, sleep: true };
-    let (sessions, world) = World::start(open_backend(&engine).unwrap(), config).unwrap();
-    let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
-    let run = experiment::run(&sessions, Experiment::Colliders, SMALL, &|_| {});
-    assert!(runtime.block_on(run).is_err());
+    let (sessions, world) = start(BackendChoice::Cpu);
+    assert!(run(&sessions, Experiment::Colliders, SMALL, &|_| {}).is_err());
     assert_eq!(sessions.count(), 0, "nothing is left behind");
     world.stop();
 }

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use support::{Options, Server, numbers, small};
 
 on_each_backend!(
+    a_session_that_nobody_wants_is_deleted,
     a_session_is_created_read_and_deleted,
     names_are_the_clients_or_the_servers,
     sessions_are_listed_in_pages,
@@ -171,6 +172,29 @@ async fn a_session_is_stepped_until_it_has_settled(backend: BackendChoice) {
     let body = json!({"until_settled": true, "max_seconds": 1});
     let reply = server.post(&format!("{fresh}/step"), body).await.expect(200);
     assert_eq!((&reply["tick"], &reply["settled"]), (&json!(60), &json!(false)));
+    server.stop().await;
+}
+
+async fn a_session_that_nobody_wants_is_deleted(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let mut spec = small();
+    spec["delete_after_s"] = json!(1);
+    let forsaken = server.create(spec.clone()).await;
+    let wanted = server.create(spec).await;
+    let name = wanted.rsplit('/').next().unwrap();
+    let held = server.sessions.get(name).unwrap();
+    // Looks through the list, which is no request for a session.
+    let listed = || async {
+        let page = server.get("/v1/sessions").await.expect(200);
+        page["items"].as_array().unwrap().len()
+    };
+    while listed().await > 1 {
+        tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+    }
+    server.get(&forsaken).await.problem(404);
+    assert!(!held.gone().is_cancelled(), "whoever holds a session wants it");
+    drop(held);
+    server.get(&wanted).await.expect(200);
     server.stop().await;
 }
 

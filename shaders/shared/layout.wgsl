@@ -6,6 +6,10 @@ const TILE_COLUMNS: u32 = 64u;
 const TILE_SIDE: u32 = 8u;
 // Thickness quanta in a full cell.
 const CELL: u32 = 1u << 24u;
+// One mass quantum [kg/m2].
+const MASS_QUANTUM: f32 = 1.0 / 262144.0;
+// [m/s2]
+const GRAVITY: f32 = 9.81;
 // Depth over which contact is soft, in elevation units.
 const CONTACT_DEPTH: u32 = 419430u;
 // A tile without a session.

@@ -111,7 +111,8 @@ pub struct SettingsPatch {
     /// Exponent n of the stiffness law.
     #[schema(minimum = 3, maximum = 6)]
     pub stiffness_exponent: Option<f64>,
-    /// Seconds without request or stream after which the session hibernates; `null` for never.
+    /// Seconds without request or stream after which the session may hibernate, `null` for never;
+    /// this version keeps it awake.
     #[serde(deserialize_with = "some")]
     #[schema(value_type = Option<f64>)]
     pub idle_timeout_s: Option<Option<f64>>,

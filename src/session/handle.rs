@@ -12,6 +12,7 @@ use crate::engine::frame::TileCells;
 use crate::snow::{CELL, ColumnRect};
 
 use super::change::{Change, StepSpec};
+use super::clock::FRAME_RATE;
 use super::error::SessionError;
 use super::gather::Sampled;
 use super::message::{self, Message};
@@ -93,6 +94,8 @@ pub struct Session {
     pub(super) published: watch::Sender<u64>,
     pub(super) events: broadcast::Sender<Event>,
     pub(super) gone: CancellationToken,
+    /// Frame of the newest request.
+    last_used: AtomicU64,
     pub(super) world: mpsc::Sender<Message>,
     /// Frames so far, of all sessions.
     pub(super) frames: Arc<AtomicU64>,
@@ -120,6 +123,7 @@ impl Session {
             mirror: RwLock::new(mirror),
             events: broadcast::Sender::new(EVENT_BACKLOG),
             gone: CancellationToken::new(),
+            last_used: AtomicU64::new(sessions.frames.load(Ordering::Relaxed)),
             world: sessions.world.clone(),
             frames: sessions.frames.clone(),
             spec,
@@ -135,6 +139,17 @@ impl Session {
     /// Frames so far, for [`Mirror::stamp_at`] and [`Mirror::clock_at`].
     pub fn frame(&self) -> u64 {
         self.frames.load(Ordering::Relaxed)
+    }
+
+    /// Notes that somebody has asked for the session.
+    pub(super) fn touch(&self) {
+        self.last_used.store(self.frame(), Ordering::Relaxed);
+    }
+
+    /// Seconds since a request was last begun.
+    pub(super) fn idle_for(&self) -> f64 {
+        let frames = self.frame().saturating_sub(self.last_used.load(Ordering::Relaxed));
+        frames as f64 / FRAME_RATE
     }
 
     /// The newest published `seq`, and a way to wait for the next.

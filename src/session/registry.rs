@@ -147,11 +147,11 @@ impl Sessions {
     /// # Errors
     /// [`SessionError::NotFound`].
     pub fn get(&self, id: &str) -> Result<Arc<Session>, SessionError> {
-        self.names
-            .read()
-            .get(id)
-            .and_then(|entry| entry.session.clone())
-            .ok_or_else(|| SessionError::NotFound { kind: "session", id: id.to_owned() })
+        let session = self.names.read().get(id).and_then(|entry| entry.session.clone());
+        let session =
+            session.ok_or_else(|| SessionError::NotFound { kind: "session", id: id.to_owned() })?;
+        session.touch();
+        Ok(session)
     }
 
     /// Up to `limit` sessions in ascending order of their names, those after `after`.

@@ -44,7 +44,8 @@ pub struct SessionSpec {
     /// Continuous snowfall \[m/h\].
     #[schema(minimum = 0, maximum = 100)]
     pub snowfall_rate: f64,
-    /// Seconds without request or stream after which the session hibernates.
+    /// Seconds without request or stream after which the session may hibernate; this version
+    /// keeps it awake.
     pub idle_timeout_s: Option<f64>,
     /// Seconds without request or stream after which the session is deleted.
     pub delete_after_s: Option<f64>,

@@ -31,8 +31,10 @@ fn material() -> impl Strategy<Value = Material> {
 /// Layers of snow: depth in cells, density, temperature.
 type Layers = Vec<(f64, f64, f32)>;
 
+/// Depths are whole sixteenths, so that no cell is so thin that its roundings matter.
 fn layers() -> impl Strategy<Value = Layers> {
-    prop::collection::vec((0.2..8.0, 15.0..60.0, -25.0..0.0_f32), 1..6)
+    let depth = (3..130_u32).prop_map(|sixteenths| f64::from(sixteenths) / 16.0);
+    prop::collection::vec((depth, 15.0..60.0, -25.0..0.0_f32), 1..6)
 }
 
 fn column(layers: &Layers) -> Column {
@@ -111,7 +113,6 @@ proptest! {
         pressure in 0.0..1e8_f32,
     ) {
         let mut column = column(&layers);
-        let before = column.clone();
         let grid = Grid::default();
         let load = SurfaceLoad { pressure, width: 50.0 };
         let rests = (0..200).any(|_| {
@@ -120,10 +121,8 @@ proptest! {
         });
         prop_assert!(rests);
         let densest = grid.cell_size * material.max_density * MASS_QUANTA / f64::from(CELL);
-        for (cell, was) in column.cells.iter().zip(&before.cells) {
-            // The thinnest of cells may have been denser to begin with, by a quantum or two.
-            let least = (f64::from(cell.mass) / densest).min(f64::from(was.thickness));
-            prop_assert!(f64::from(cell.thickness) >= least * (1.0 - 1e-6));
+        for cell in &column.cells {
+            prop_assert!(f64::from(cell.mass) <= f64::from(cell.thickness) * densest * (1.0 + 1e-6));
         }
     }
 

@@ -15,7 +15,7 @@ use crate::problem::{FieldError, Problem};
 use crate::session::{Session, Stamp};
 use crate::snow::{ColumnRect, Content, Sample};
 
-use super::stamp_headers;
+use super::{off_thread, stamp_headers};
 
 /// Most cells of one answer.
 const MOST_CELLS: u64 = 1 << 20;
@@ -234,10 +234,7 @@ pub async fn get(
         };
         (stamp_headers(view.stamp), axum::Json(view)).into_response()
     };
-    // Writing a million numbers takes a while: not on the threads that serve everybody.
-    tokio::task::spawn_blocking(answer)
-        .await
-        .map_err(|_| Problem::internal("reading the cells failed"))
+    off_thread(answer).await
 }
 
 /// The box that is asked for: its columns, its first cell along y and how many there are.

@@ -17,7 +17,7 @@ use crate::problem::{FieldError, Problem};
 use crate::session::{Mirror, Session, Stamp};
 use crate::snow::{Grid, TILE_SIDE};
 
-use super::stamp_headers;
+use super::{off_thread, stamp_headers};
 
 const JSON: &str = "application/json";
 const BINARY: &str = "application/octet-stream";
@@ -143,9 +143,7 @@ pub async fn get(
     if window.samples() <= MANY_SAMPLES {
         return Ok(answer(&session, &window, surface, media_type));
     }
-    tokio::task::spawn_blocking(move || answer(&session, &window, surface, media_type))
-        .await
-        .map_err(|_| Problem::internal("reading the heights failed"))
+    off_thread(move || answer(&session, &window, surface, media_type)).await
 }
 
 /// The columns to be read, inside the grid.

@@ -18,6 +18,7 @@ pub mod snowfalls;
 use axum::http::{HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
 
+use crate::problem::Problem;
 use crate::session::{Applied, Stamp};
 
 /// The headers that date an answer: the tick, and the number of the newest published change.
@@ -31,4 +32,13 @@ fn stamp_headers(stamp: Stamp) -> [(HeaderName, HeaderValue); 2] {
 /// Answers a change with what it did.
 fn applied(applied: Applied) -> Response {
     axum::Json(applied).into_response()
+}
+
+/// Does work that takes a while off the threads that serve everybody.
+async fn off_thread<T: Send + 'static>(
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Problem> {
+    tokio::task::spawn_blocking(work)
+        .await
+        .map_err(|_| Problem::internal("making the answer failed"))
 }

@@ -13,7 +13,7 @@ use crate::http::state::App;
 use crate::problem::Problem;
 use crate::session::{SNAPSHOT_MEDIA_TYPE, Stamp};
 
-use super::stamp_headers;
+use super::{off_thread, stamp_headers};
 
 /// A snapshot, as `api/snapshot.md` describes it.
 #[derive(ToSchema)]
@@ -81,13 +81,4 @@ pub async fn digest(
     let stamp = snapshot.stamp;
     let digest = off_thread(move || snapshot.digest()).await??;
     Ok(Answer(DigestView { stamp, digest }))
-}
-
-/// Hashes or compresses off the threads that serve requests.
-async fn off_thread<T: Send + 'static>(
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Result<T, Problem> {
-    tokio::task::spawn_blocking(work)
-        .await
-        .map_err(|_| Problem::internal("making the snapshot failed"))
 }
