@@ -11,6 +11,7 @@ on_each_backend!(
     a_part_of_the_grid_is_that_part_of_the_whole,
     masses_of_the_grid_add_up,
     what_is_not_in_the_grid_is_refused,
+    many_may_read_the_grid_at_once,
 );
 
 async fn sloping(server: &Server) -> String {
@@ -113,5 +114,19 @@ async fn what_is_not_in_the_grid_is_refused(backend: BackendChoice) {
     let refused = server.get(&format!("{large}/cells")).await.problem(413);
     assert!(refused["detail"].as_str().unwrap().contains("1048576"), "{refused}");
     server.get(&format!("{large}/cells?height=20")).await.expect(200);
+    server.stop().await;
+}
+
+async fn many_may_read_the_grid_at_once(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let grid = json!({"width": 128, "depth": 128, "height": 64, "cell_size": 0.2});
+    let path = server.create(json!({"grid": grid, "paused": true})).await;
+    let read = format!("{path}/cells?fields=fill");
+    // Together far more than a frame samples, and than one buffer of a small device holds.
+    let replies = futures_util::future::join_all((0..10).map(|_| server.get(&read))).await;
+    for reply in replies {
+        assert_eq!(reply.status, 200);
+    }
+    server.get("/readyz").await.expect(200);
     server.stop().await;
 }

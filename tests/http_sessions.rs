@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use support::{Options, Server, numbers, small};
 
 on_each_backend!(
+    snow_that_has_stopped_falling_is_settled_again,
     a_session_that_nobody_wants_is_deleted,
     a_session_is_created_read_and_deleted,
     names_are_the_clients_or_the_servers,
@@ -340,5 +341,19 @@ async fn a_session_that_fails_is_ended_alone(backend: BackendChoice) {
     let heights = server.get(&format!("{sound}/heights")).await.expect(200);
     assert!(numbers(&heights["heights"]).iter().all(|&height| height > 0.0));
     server.create(json!({"id": "broken", "grid": {"width": 9}})).await;
+    server.stop().await;
+}
+
+async fn snow_that_has_stopped_falling_is_settled_again(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let path = server.create(deep()).await;
+    let until = json!({"until_settled": true, "max_seconds": 3600});
+    server.post(&format!("{path}/step"), until.clone()).await.expect(200);
+    let settled = |session: Value| session["settled"].as_bool().unwrap();
+    let snowing = server.patch(&path, json!({"snowfall_rate": 0.01})).await.expect(200);
+    assert!(!settled(snowing), "while snow falls it is not");
+    assert!(settled(server.patch(&path, json!({"snowfall_rate": 0})).await.expect(200)));
+    let stepped = server.post(&format!("{path}/step"), until).await.expect(200);
+    assert!(settled(stepped));
     server.stop().await;
 }

@@ -12,6 +12,8 @@ on_each_backend!(
     what_is_not_a_sound_snapshot_is_refused,
     a_restored_session_is_reset_to_what_was_saved,
     digests_tell_snowpacks_apart,
+    a_forged_snapshot_is_refused,
+    a_reset_leads_back_to_the_digest_of_the_beginning,
 );
 
 const MEDIA_TYPE: &str = "application/vnd.firn.snapshot";
@@ -149,5 +151,69 @@ async fn digests_tell_snowpacks_apart(backend: BackendChoice) {
     let flake = json!({"depth": 0.001, "region": region});
     server.post(&format!("{b}/snowfalls"), flake).await.expect(200);
     assert_ne!(digest(&server, &a).await, digest(&server, &b).await);
+    server.stop().await;
+}
+
+/// Changes a snapshot's description, and makes its hash right again.
+fn forge(bytes: &[u8], change: impl Fn(&mut Value)) -> Vec<u8> {
+    let body = zstd::decode_all(&bytes[48..]).unwrap();
+    let length = u64::from_le_bytes(body[..8].try_into().unwrap()) as usize;
+    let mut description = serde_json::from_slice(&body[8..8 + length]).unwrap();
+    change(&mut description);
+    let description = serde_json::to_vec(&description).unwrap();
+    let mut forged = (description.len() as u64).to_le_bytes().to_vec();
+    forged.extend(description);
+    forged.extend(&body[8 + length..]);
+    let mut file = bytes[..16].to_vec();
+    file.extend(blake3::hash(&forged).as_bytes());
+    file.extend(zstd::encode_all(&forged[..], 1).unwrap());
+    file
+}
+
+async fn a_forged_snapshot_is_refused(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let path = eventful(&server).await;
+    let good = snapshot(&server, &path).await;
+    let same = restore(&server, "?id=same", forge(&good, |_| {})).await;
+    assert_eq!(same.status, 201, "{}", String::from_utf8_lossy(&same.body));
+    let changes: [(&str, fn(&mut Value)); 12] = [
+        ("time saved up", |d| d["clock"]["pending"][1] = json!(2e5)),
+        ("another clock", |d| d["clock"]["dt"] = json!(1)),
+        ("a future", |d| d["clock"]["mark"][0] = json!(1u64 << 60)),
+        ("snow in the air", |d| d["falling"]["mass"] = json!(9e11)),
+        ("endless snow", |d| d["falling"]["depth"] = json!(1e300)),
+        ("too heavy", |d| d["colliders"][0]["mass"] = json!(1e300)),
+        ("no size", |d| {
+            d["colliders"][0]["shape"] = json!({"type": "box", "width": -0.5, "depth": 1})
+        }),
+        ("elsewhere", |d| d["colliders"][0]["position"]["x"] = json!(-9)),
+        ("another mass", |d| d["ledger"]["fallen"] = json!(1)),
+        ("another material", |d| d["material"]["max_density"] = json!(200)),
+        ("another grid", |d| d["spec"]["grid"]["width"] = json!(1000)),
+        ("unknown", |d| d["colour"] = json!("white")),
+    ];
+    for (what, change) in changes {
+        let reply = restore(&server, "", forge(&good, change)).await;
+        assert_eq!(reply.status, 422, "{what}: {}", String::from_utf8_lossy(&reply.body));
+    }
+    server.stop().await;
+}
+
+async fn a_reset_leads_back_to_the_digest_of_the_beginning(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let body = json!({"grid": {"width": 12, "depth": 9, "height": 20, "cell_size": 0.2},
+        "paused": true, "initial_snow": [{"depth": 3.3}]});
+    let path = server.create(body).await;
+    let beginning = digest(&server, &path).await;
+    server.patch(&path, json!({"paused": true, "air_temperature": -3})).await.expect(200);
+    assert_eq!(digest(&server, &path).await, beginning, "nothing has changed");
+    let object = json!({"mass": 70, "shape": {"type": "disk", "radius": 0.5},
+        "position": {"x": 1.1, "z": 0.9}});
+    server.post(&format!("{path}/colliders"), object).await.expect(201);
+    server.step(&path, 77).await;
+    server.patch(&path, json!({"air_temperature": -9, "tick_rate": 30})).await.expect(200);
+    assert_ne!(digest(&server, &path).await, beginning);
+    server.post(&format!("{path}/reset"), Value::Null).await.expect(200);
+    assert_eq!(digest(&server, &path).await, beginning);
     server.stop().await;
 }

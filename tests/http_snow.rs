@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use support::{Reply, Server, numbers, small};
 
 on_each_backend!(
+    the_ledger_holds_however_much_is_refused,
     you_read_your_own_snowfall,
     a_snowfall_in_a_region_keeps_to_it,
     what_finds_no_room_is_refused_and_told,
@@ -342,5 +343,20 @@ async fn snow_keeps_falling_at_a_rate(backend: BackendChoice) {
     let fallen = mass["fallen"].as_f64().unwrap();
     assert!((fallen - 0.2 * 20.0 * 2.8).abs() < 0.02 * 11.2, "{mass}");
     assert_eq!(mass["imbalance_quanta"], 0);
+    server.stop().await;
+}
+
+async fn the_ledger_holds_however_much_is_refused(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let grid = json!({"width": 512, "depth": 512, "height": 1, "cell_size": 0.2});
+    let material = json!({"max_density": 917});
+    let path = server.create(json!({"grid": grid, "material": material, "paused": true})).await;
+    for _ in 0..320 {
+        fall(&server, &path, json!({"depth": 1000, "density": 917})).await;
+    }
+    let mass = server.get(&format!("{path}/mass")).await.expect(200);
+    assert_eq!(mass["imbalance_quanta"], 0, "{mass}");
+    let fallen = 320.0 * 1000.0 * 917.0 * 512.0 * 512.0 * 0.04;
+    assert!((mass["fallen"].as_f64().unwrap() / fallen - 1.0).abs() < 1e-9, "{mass}");
     server.stop().await;
 }

@@ -174,13 +174,7 @@ fn apply(snowpack: &mut Snowpack, edit: Edit) -> u64 {
 
 /// A tile's cells, slot by slot; without columns, all of them empty.
 fn tile_cells(columns: Option<&[Column]>, height: u32) -> TileCells {
-    let length = (height * TILE_COLUMNS) as usize;
-    let mut cells = TileCells {
-        mass: vec![0; length],
-        thickness: vec![0; length],
-        temperature: vec![0.0; length],
-        stress: vec![0.0; length],
-    };
+    let mut cells = TileCells::empty(height);
     for (index, column) in columns.unwrap_or_default().iter().enumerate() {
         for (slot, cell) in column.cells.iter().enumerate() {
             let at = slot * TILE_COLUMNS as usize + index;

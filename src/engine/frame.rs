@@ -196,6 +196,17 @@ pub struct TileCells {
 }
 
 impl TileCells {
+    /// A number of slots without snow.
+    pub fn empty(slots: u32) -> TileCells {
+        let cells = (slots * TILE_COLUMNS) as usize;
+        TileCells {
+            mass: vec![0; cells],
+            thickness: vec![0; cells],
+            temperature: vec![0.0; cells],
+            stress: vec![0.0; cells],
+        }
+    }
+
     /// The occupied cells of one column, from the ground up.
     pub fn column(&self, column: u32) -> impl Iterator<Item = Cell> + '_ {
         (column as usize..self.mass.len())

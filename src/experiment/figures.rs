@@ -22,10 +22,10 @@ const COLOURS: [RGBColor; 6] = [
 const WEAK: RGBColor = RGBColor(255, 226, 190);
 const REFERENCE: RGBColor = RGBColor(90, 90, 90);
 
-/// Colours of snow at 0, −8 and −16 °C and below.
-const TEMPERATURES: [RGBColor; 3] =
-    [RGBColor(170, 30, 20), RGBColor(226, 165, 40), RGBColor(20, 80, 190)];
-const HALF_WAY: f64 = -8.0;
+/// Colours of snow at 0, −5, −10 and −15 °C and below.
+const TEMPERATURES: [RGBColor; 4] =
+    [RGBColor(170, 30, 20), RGBColor(235, 140, 0), RGBColor(60, 160, 110), RGBColor(20, 80, 190)];
+const COLOUR_STEP: f64 = -5.0;
 
 /// How far a temperature \[°C\] may be from a whole degree for the law's curve to be drawn.
 const NEAR_DEGREE: f64 = 0.05;
@@ -179,8 +179,9 @@ fn colours() -> impl Iterator<Item = RGBColor> {
 }
 
 fn temperature_colour(celsius: f64) -> RGBColor {
-    let place = (celsius / HALF_WAY).clamp(0.0, 2.0);
-    let from = (place as usize).min(1);
+    let last = TEMPERATURES.len() - 1;
+    let place = (celsius / COLOUR_STEP).clamp(0.0, last as f64);
+    let from = (place as usize).min(last - 1);
     let mixed = |of: fn(RGBColor) -> u8| {
         let (a, b) = (f64::from(of(TEMPERATURES[from])), f64::from(of(TEMPERATURES[from + 1])));
         (a + (b - a) * (place - from as f64)) as u8

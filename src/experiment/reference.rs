@@ -27,9 +27,9 @@ impl Expected {
         Expected::Near { value: metres, tolerance: 0.0025 }
     }
 
-    /// A value that has to be met but for its last digits.
+    /// A value that has to be met but for the rounding of its last binary digits.
     pub(super) fn exactly(value: f64) -> Expected {
-        Expected::Near { value, tolerance: 1e-6 }
+        Expected::Near { value, tolerance: 1e-9 }
     }
 
     /// Whether a value is as expected; what is no number never is.

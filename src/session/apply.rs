@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use crate::engine::frame::Edit;
-use crate::snow::{ColumnRect, Contact, Grid, Material, Shape};
+use crate::engine::frame::{Edit, Placement};
+use crate::snow::{ColumnRect, Contact, Footprint, Grid, Material, Shape};
 
 use super::change::{
     Change, Clearing, ColliderBatch, ColliderPatch, ColliderSpec, Region, SettingsPatch, Snowfall,
@@ -12,7 +12,7 @@ use super::change::{
 use super::error::{Check, SessionError};
 use super::orders::{Answer, Reply, ReplyKind};
 use super::simulation::{Collider, Simulation};
-use super::view::Applied;
+use super::view::{Applied, Settings};
 
 /// Most entries of a batch of colliders.
 const LARGEST_BATCH: usize = 4096;
@@ -107,7 +107,10 @@ impl Simulation {
         check.range("/stiffness_exponent", exponent, 3.0, 6.0, "");
         check.finish()?;
 
-        self.falling.mark(self.clock.tick(), self.snowing());
+        let weather = |s: &Settings| (s.time_scale, s.tick_rate, s.snowfall_rate);
+        if weather(&new) != weather(&old) {
+            self.falling.mark(self.clock.tick(), self.snowing());
+        }
         if (new.time_scale, new.tick_rate) != (old.time_scale, old.tick_rate) {
             self.clock.set_rate(new.tick_rate, new.time_scale);
             self.wake();
@@ -116,9 +119,6 @@ impl Simulation {
             self.material = Material { stiffness_exponent: exponent, ..self.material };
             self.next.edits.push(Edit::SetMaterial(self.material));
             self.wake();
-        }
-        if new.snowfall_rate > 0.0 {
-            self.settled = false;
         }
         self.next.changed |= new != old || !self.next.edits.is_empty();
         self.settings = new;
@@ -205,37 +205,13 @@ impl Simulation {
         id: &Arc<str>,
         spec: &ColliderSpec,
     ) -> Option<(Arc<str>, Collider, Edit)> {
-        check.id(format!("{at}/id"), id);
-        check.range(format!("{at}/mass"), spec.mass, f64::MIN_POSITIVE, 1e9, "kg");
-        let sides: &[(&str, f64)] = match spec.shape {
-            Shape::Box { width, depth } => &[("width", width), ("depth", depth)],
-            Shape::Disk { radius } => &[("radius", radius)],
-        };
-        for (side, length) in sides {
-            check.range(format!("{at}/shape/{side}"), *length, 1e-3, 1e6, "m");
-        }
-        if !check.passed() {
-            return None;
-        }
         let collider = Collider {
             mass: spec.mass,
             shape: spec.shape,
             position: spec.position,
             contact: Contact::default(),
         };
-        let Some(placement) = self.placement(&collider) else {
-            let grid = &self.session.spec.grid;
-            check.reject(
-                format!("{at}/position"),
-                format!(
-                    "the footprint reaches beyond the grid, which is 0 to {} m along x and 0 to \
-                     {} m along z",
-                    f64::from(grid.width) * grid.cell_size,
-                    f64::from(grid.depth) * grid.cell_size
-                ),
-            );
-            return None;
-        };
+        let placement = collider.check(check, at, id, &self.session.spec.grid)?;
         // A change of mass alone doesn't move an object: the depth it has sunk goes on counting.
         let placed = self
             .colliders
@@ -264,6 +240,44 @@ impl Simulation {
     fn known_collider(&self, id: &str) -> Result<Collider, SessionError> {
         let unknown = || SessionError::NotFound { kind: "collider", id: id.to_owned() };
         self.colliders.get(id).cloned().ok_or_else(unknown)
+    }
+}
+
+impl Collider {
+    /// Notes what is wrong with an object; where it stands if nothing is.
+    pub(super) fn check(
+        &self,
+        check: &mut Check,
+        at: &str,
+        id: &str,
+        grid: &Grid,
+    ) -> Option<Arc<Placement>> {
+        check.id(format!("{at}/id"), id);
+        check.range(format!("{at}/mass"), self.mass, f64::MIN_POSITIVE, 1e9, "kg");
+        let sides: &[(&str, f64)] = match self.shape {
+            Shape::Box { width, depth } => &[("width", width), ("depth", depth)],
+            Shape::Disk { radius } => &[("radius", radius)],
+        };
+        for (side, length) in sides {
+            check.range(format!("{at}/shape/{side}"), *length, 1e-3, 1e6, "m");
+        }
+        if !check.passed() {
+            return None;
+        }
+        let Some(footprint) = Footprint::new(grid, &self.shape, self.position) else {
+            let (width, depth) = (f64::from(grid.width), f64::from(grid.depth));
+            check.reject(
+                format!("{at}/position"),
+                format!(
+                    "the footprint reaches beyond the grid, which is 0 to {} m along x and 0 to \
+                     {} m along z",
+                    width * grid.cell_size,
+                    depth * grid.cell_size
+                ),
+            );
+            return None;
+        };
+        Some(Arc::new(Placement { mass: self.mass, footprint }))
     }
 }
 

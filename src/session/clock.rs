@@ -68,7 +68,7 @@ impl Clock {
             && self.tick < 1 << 53
             && sound(self.mark)
             && sound(self.pending)
-            && self.pending() < 1e6
+            && self.pending() <= 1.0 / 60.0
     }
 
     /// Ticks so far.

@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::snow::{CELL, Grid, MASS_QUANTA};
 
+use super::spec::SessionSpec;
+
 /// Least depth that is deposited, h/256, in quanta.
 const LEAST: f64 = (CELL / 256) as f64;
 
@@ -39,9 +41,13 @@ pub(super) struct Falling {
 
 impl Falling {
     /// Whether it is not impossible at a tick.
-    pub fn is_sound(&self, tick: u64) -> bool {
-        let sound = |quanta: f64| (0.0..1e12).contains(&quanta);
-        self.tick <= tick && sound(self.depth) && sound(self.mass)
+    pub fn is_sound(&self, tick: u64, spec: &SessionSpec) -> bool {
+        // A tick may bring much, but no more than all slots of a column hold.
+        let most = f64::from(spec.grid.height) * f64::from(CELL);
+        let heaviest = self.depth * spec.grid.cell_size * spec.material.max_density / 64.0;
+        self.tick <= tick
+            && (0.0..=most).contains(&self.depth)
+            && (0.0..=heaviest * 1.001 + 2.0).contains(&self.mass)
     }
 
     /// Counts what has fallen up to a tick, before it snows otherwise.

@@ -18,6 +18,9 @@ pub struct Gathered {
     pub tiles: Vec<TileCells>,
 }
 
+/// Most cells of the fixed grid that are sampled at a time.
+pub const MOST_SAMPLES: u64 = 1 << 20;
+
 /// A box of the fixed grid, and when it was as it is here.
 #[derive(Clone, Debug)]
 pub struct Sampled {
@@ -27,21 +30,22 @@ pub struct Sampled {
     pub cells: Vec<Sample>,
 }
 
-/// Mass that has gone in and out of a snowpack, in quanta summed over its columns.
+/// Mass that has gone in and out of a snowpack, in quanta summed over its columns: 128 bits, since
+/// what falls and is refused has no end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ledger {
     /// Fallen, the refused part included.
-    pub fallen: u64,
+    pub fallen: u128,
     /// Found no room.
-    pub refused: u64,
+    pub refused: u128,
     /// Cleared away.
-    pub cleared: u64,
+    pub cleared: u128,
 }
 
 impl Ledger {
     /// Mass that must be present.
-    pub fn present(&self) -> u64 {
+    pub fn present(&self) -> u128 {
         self.fallen - self.refused - self.cleared
     }
 
@@ -49,7 +53,7 @@ impl Ledger {
     pub(super) fn view(&self, stamp: Stamp, present: u64, grid: &Grid) -> MassView {
         MassView {
             stamp,
-            present: grid.kilograms(present),
+            present: grid.kilograms(present.into()),
             fallen: grid.kilograms(self.fallen),
             refused: grid.kilograms(self.refused),
             cleared: grid.kilograms(self.cleared),
@@ -62,7 +66,7 @@ impl Ledger {
 pub(super) fn column_view(gathered: &Gathered, column: u32, grid: &Grid) -> ColumnView {
     let area = grid.column_area();
     let mut bottom = 0u64;
-    let mut mass = 0u64;
+    let mut mass = 0u128;
     let mut layers = Vec::new();
     for cell in gathered.tiles.iter().flat_map(|tile| tile.column(column)) {
         let density = f64::from(cell.mass) / MASS_QUANTA * f64::from(CELL)
@@ -74,10 +78,10 @@ pub(super) fn column_view(gathered: &Gathered, column: u32, grid: &Grid) -> Colu
             temperature: f64::from(cell.temperature),
             hardness: f64::from(gathered.material.hardness(density as f32, cell.temperature)),
             stress: f64::from(cell.stress),
-            mass: grid.kilograms(u64::from(cell.mass)),
+            mass: grid.kilograms(cell.mass.into()),
         });
         bottom += u64::from(cell.thickness);
-        mass += u64::from(cell.mass);
+        mass += u128::from(cell.mass);
     }
     let height = grid.metres(bottom);
     let mass = grid.kilograms(mass);

@@ -13,7 +13,7 @@ use crate::snow::{CELL, ColumnRect};
 
 use super::change::{Change, StepSpec};
 use super::clock::FRAME_RATE;
-use super::error::SessionError;
+use super::error::{Invalid, SessionError};
 use super::gather::Sampled;
 use super::message::{self, Message};
 use super::mirror::Mirror;
@@ -32,7 +32,7 @@ const EVENT_BACKLOG: usize = 64;
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
-    /// Snow fell, at once or as the beginning or end of a continuous snowfall.
+    /// Snow fell because somebody asked for it; continuous snowfall shows in the settings.
     Snowfall {
         /// When.
         #[serde(flatten)]
@@ -94,6 +94,8 @@ pub struct Session {
     pub(super) published: watch::Sender<u64>,
     pub(super) events: broadcast::Sender<Event>,
     pub(super) gone: CancellationToken,
+    /// Lowest and highest elevation of the ground \[m\].
+    pub(super) ground: (f64, f64),
     /// Frame of the newest request.
     last_used: AtomicU64,
     pub(super) world: mpsc::Sender<Message>,
@@ -123,6 +125,7 @@ impl Session {
             mirror: RwLock::new(mirror),
             events: broadcast::Sender::new(EVENT_BACKLOG),
             gone: CancellationToken::new(),
+            ground: spec.ground_range(),
             last_used: AtomicU64::new(sessions.frames.load(Ordering::Relaxed)),
             world: sessions.world.clone(),
             frames: sessions.frames.clone(),
@@ -258,21 +261,26 @@ impl Session {
     /// The fixed grid's cells `y0..y0 + height` of some columns inside the grid.
     ///
     /// # Errors
-    /// [`SessionError::Unavailable`].
+    /// [`SessionError::Invalid`] where they are more than [`gather::MOST_SAMPLES`].
     pub async fn sample(
         &self,
         columns: ColumnRect,
         y0: u32,
         height: u32,
     ) -> Result<Sampled, SessionError> {
+        let cells = columns.columns().saturating_mul(u64::from(height));
+        if cells > gather::MOST_SAMPLES {
+            let detail = format!("{cells} cells; at most {} at a time", gather::MOST_SAMPLES);
+            return Err(SessionError::Invalid(vec![Invalid { pointer: String::new(), detail }]));
+        }
         self.ask(|reply| Message::Sample { key: self.key, columns, y0, height, reply }).await
     }
 
     /// Cells of the fixed grid along y: the slots of a column, on the highest ground.
     pub fn sampled_height(&self) -> u32 {
-        let ground = Simulation::layout(&self.spec).ground;
-        let highest = ground.into_iter().max().unwrap_or(0);
-        self.spec.grid.height + highest.div_ceil(CELL / 2)
+        let (lowest, highest) = self.ground;
+        let highest = self.spec.grid.thickness_quanta(highest - lowest);
+        self.spec.grid.height + highest.div_ceil(u64::from(CELL)) as u32
     }
 
     /// The whole session, of one tick.

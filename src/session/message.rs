@@ -40,7 +40,12 @@ pub(super) async fn ask<T>(
 ) -> Result<T, SessionError> {
     let (send, receive) = oneshot::channel();
     world.send(message(send)).await.map_err(|_| stopped())?;
-    receive.await.unwrap_or_else(|_| Err(stopped()))
+    receive.await.unwrap_or_else(|_| {
+        if world.is_closed() {
+            return Err(stopped());
+        }
+        Err(SessionError::Internal("handling the request failed and ended the session".to_owned()))
+    })
 }
 
 /// The error of a request that the world can't answer any more.

@@ -33,7 +33,7 @@ pub struct Mirror {
     /// Tiles in which snow moves.
     pub active_tiles: u32,
     /// Mass in quanta of the snow in all columns, by the ledger.
-    pub mass_quanta: u64,
+    pub mass_quanta: u128,
     /// Objects, in ascending order of their ids.
     pub colliders: Arc<[ColliderView]>,
     /// `seq` at which an object last changed.

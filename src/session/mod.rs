@@ -29,7 +29,7 @@ pub use change::{
 };
 pub use clock::{Clock, FRAME_RATE};
 pub use error::{Invalid, SessionError};
-pub use gather::{Gathered, Sampled};
+pub use gather::{Gathered, MOST_SAMPLES, Sampled};
 pub use handle::{Event, Session};
 pub use mirror::{Mirror, TileColumns};
 pub use probe::{Probe, ProbeBatch, ProbeReply, ProbeView};

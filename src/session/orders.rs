@@ -62,8 +62,8 @@ pub(super) enum ReplyKind {
     /// `refused` is what was refused without asking the backend.
     Snowfall {
         edit: usize,
-        fallen: u64,
-        refused: u64,
+        fallen: u128,
+        refused: u128,
     },
     Clearing {
         edit: usize,
@@ -81,6 +81,20 @@ impl Orders {
     /// Whether somebody waits for a frame.
     pub fn are_urgent(&self) -> bool {
         !self.edits.is_empty() || self.want_answers()
+    }
+
+    /// Takes out the boxes for whose cells a frame has no room, and counts the others' off it.
+    pub fn hold_back_samples(&mut self, room: &mut u64) -> Vec<(SampleBox, Answer<Sampled>)> {
+        let fitting = self
+            .samples
+            .iter()
+            .take_while(|(wanted, _)| {
+                let fits = wanted.cells() <= *room;
+                *room -= if fits { wanted.cells() } else { 0 };
+                fits
+            })
+            .count();
+        self.samples.split_off(fitting)
     }
 
     /// Whether somebody waits for a frame to be published.

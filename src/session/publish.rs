@@ -18,9 +18,9 @@ impl Simulation {
     /// Takes in the outcome of the frame in flight; `tiles` are those of it that changed.
     pub(super) fn conclude(&mut self, outcome: WorkOutcome, tiles: &[TileHeights]) {
         self.enter_ledger(&outcome.edits);
-        let was_settled = self.settled;
+        let was_settled = self.is_settled();
         self.conclude_run(outcome.last_change);
-        let settles = self.settled && !was_settled;
+        let settles = self.is_settled() && !was_settled;
         if self.flight.publish {
             let orders = std::mem::take(&mut self.flight.orders);
             let stamp = self.publish(&orders, &outcome, tiles);
@@ -46,10 +46,10 @@ impl Simulation {
                 | Reply::Change { kind: ReplyKind::Snowfall { edit, .. }, .. }
                     if edit >= since =>
                 {
-                    self.ledger.refused += edits[edit];
+                    self.ledger.refused += u128::from(edits[edit]);
                 }
                 Reply::Change { kind: ReplyKind::Clearing { edit }, .. } if edit >= since => {
-                    self.ledger.cleared += edits[edit];
+                    self.ledger.cleared += u128::from(edits[edit]);
                 }
                 _ => {}
             }
@@ -91,17 +91,14 @@ impl Simulation {
         mirror.clock = self.clock;
         let passes = !self.settings.paused && self.is_resting();
         mirror.resting_since = passes.then_some(self.frame);
-        mirror.settled = self.settled && self.settings.snowfall_rate == 0.0;
+        mirror.settled = self.is_settled();
         mirror.mass_quanta = self.ledger.present();
         mirror.settings = self.settings;
         mirror.material = self.material;
     }
 
     fn collider_views(&self, contacts: &[(Arc<str>, Contact)]) -> Arc<[ColliderView]> {
-        let ground =
-            self.session.spec.terrain.as_ref().map_or(0.0, |terrain| {
-                terrain.heights.iter().copied().fold(f64::INFINITY, f64::min)
-            });
+        let (ground, _) = self.session.ground;
         let grid = &self.session.spec.grid;
         self.colliders
             .iter()
@@ -118,10 +115,9 @@ impl Simulation {
                 Reply::Created(answer) | Reply::Done(answer) => drop(answer.send(Ok(()))),
                 Reply::Snowfall { .. } => {}
                 Reply::Change { kind, answer } => {
+                    let set = matches!(kind, ReplyKind::AirTemperature | ReplyKind::Settings);
                     let applied = self.applied(kind, &outcome.edits, stamp);
-                    if let Some(event) = self.event(&applied, stamp) {
-                        self.tell(event);
-                    }
+                    self.tell_of(&applied, set, stamp);
                     drop(answer.send(Ok(applied)));
                 }
             }
@@ -144,17 +140,31 @@ impl Simulation {
         }
     }
 
+    /// Tells streams of a change, where it is one of the weather or, as `set`, of the settings.
+    fn tell_of(&self, applied: &Applied, set: bool, stamp: Stamp) {
+        match *applied {
+            Applied::Snowfall(SnowfallReply { fallen_mass, refused_mass, .. }) => {
+                self.tell(Event::Snowfall { stamp, fallen_mass, refused_mass });
+            }
+            Applied::Clearing(ClearingReply { cleared_mass, .. }) => {
+                self.tell(Event::Clearing { stamp, cleared_mass });
+            }
+            _ if set => self.tell(Event::Settings { stamp, settings: self.settings }),
+            _ => {}
+        }
+    }
+
     fn applied(&self, kind: ReplyKind, edits: &[u64], stamp: Stamp) -> Applied {
         let grid = &self.session.spec.grid;
         match kind {
             ReplyKind::Snowfall { edit, fallen, refused } => Applied::Snowfall(SnowfallReply {
                 stamp,
                 fallen_mass: grid.kilograms(fallen),
-                refused_mass: grid.kilograms(refused + edits[edit]),
+                refused_mass: grid.kilograms(refused + u128::from(edits[edit])),
             }),
             ReplyKind::Clearing { edit } => Applied::Clearing(ClearingReply {
                 stamp,
-                cleared_mass: grid.kilograms(edits[edit]),
+                cleared_mass: grid.kilograms(edits[edit].into()),
             }),
             ReplyKind::AirTemperature => Applied::AirTemperature(AirTemperatureReply {
                 stamp,

@@ -4,19 +4,19 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::engine::frame::{Deposit, Edit, Layout, Placement, Run, Slot, Work};
-use crate::snow::{CELL, ColumnRect, Contact, Footprint, MASS_QUANTA, Material, Position, Shape};
+use crate::engine::frame::{Deposit, Edit, Layout, Run, Slot, Work};
+use crate::snow::{CELL, ColumnRect, Contact, MASS_QUANTA, Material, Position, Shape};
 
 use super::clock::{Advance, Clock};
 use super::error::SessionError;
 use super::falling::{Falling, Snowing};
 use super::gather::Ledger;
-use super::handle::{Event, Session};
+use super::handle::Session;
 use super::orders::{Answer, Flight, Orders, Reply, ReplyKind, refuse};
 use super::snapshot::Snapshot;
 use super::spec::SessionSpec;
 use super::step::{Goal, StepJob};
-use super::view::{Applied, Settings, Stamp};
+use super::view::Settings;
 
 /// A session on the world's thread.
 #[derive(Debug)]
@@ -124,8 +124,8 @@ impl Simulation {
         } else {
             (depth, mass)
         };
-        let fallen = mass * columns.columns();
-        let refused = (mass - kept_mass) * columns.columns();
+        let fallen = u128::from(mass) * u128::from(columns.columns());
+        let refused = u128::from(mass - kept_mass) * u128::from(columns.columns());
         self.ledger.fallen += fallen;
         self.ledger.refused += refused;
         self.disturb();
@@ -142,6 +142,9 @@ impl Simulation {
     pub(super) fn disturb(&mut self) {
         self.settled = false;
         self.still = false;
+        if let Some(job) = &mut self.step {
+            job.begin_anew();
+        }
     }
 
     /// Notes that every tile has to be looked at again.
@@ -159,6 +162,8 @@ impl Simulation {
         self.material = spec.material;
         self.ledger = Ledger::default();
         self.falling = Falling::default();
+        self.last_dt = None;
+        self.owed = 0;
         self.next.reset = Some(self.next.edits.len());
         let removed = std::mem::take(&mut self.colliders).into_keys();
         self.next.edits.extend(removed.map(|id| Edit::RemoveCollider { id }));
@@ -174,23 +179,21 @@ impl Simulation {
     /// What the backend makes the snowpack with.
     pub(super) fn layout(spec: &SessionSpec) -> Layout {
         let ground = spec.terrain.as_ref().map(|terrain| {
-            let lowest = terrain.heights.iter().copied().fold(f64::INFINITY, f64::min);
+            let (lowest, _) = spec.ground_range();
             let units = |height: f64| (spec.grid.thickness_quanta(height - lowest) >> 1) as u32;
             terrain.heights.iter().map(|&height| units(height)).collect()
         });
         Layout { grid: spec.grid, material: spec.material, ground: ground.unwrap_or_default() }
     }
 
-    /// Placement of an object, where its footprint lies inside the grid.
-    pub(super) fn placement(&self, collider: &Collider) -> Option<Arc<Placement>> {
-        let grid = &self.session.spec.grid;
-        let footprint = Footprint::new(grid, &collider.shape, collider.position)?;
-        Some(Arc::new(Placement { mass: collider.mass, footprint }))
-    }
-
     /// Length of the last cycle \[s\]; of the next one where there was none.
     pub(super) fn cycle_length(&self) -> f64 {
         self.last_dt.or(self.clock.steady_cycle()).unwrap_or(0.0)
+    }
+
+    /// Whether no snow falls and the last executed cycle changed no cell.
+    pub(super) fn is_settled(&self) -> bool {
+        self.settled && self.settings.snowfall_rate == 0.0
     }
 
     /// Whether nothing can move in any later tick, so that ticks pass by themselves.
@@ -221,8 +224,15 @@ impl Simulation {
     /// What this session does in a frame; `None` for nothing.
     ///
     /// `publish` says whether publications are due that nobody asked for, `sleep` whether a
-    /// snowpack at rest may be left alone.
-    pub(super) fn plan(&mut self, frame: u64, publish: bool, sleep: bool) -> Option<Work> {
+    /// snowpack at rest may be left alone, `samples` how many cells of the fixed grid the frame
+    /// still has room for; what finds none waits for the next.
+    pub(super) fn plan(
+        &mut self,
+        frame: u64,
+        publish: bool,
+        sleep: bool,
+        samples: &mut u64,
+    ) -> Option<Work> {
         let clock_before = self.clock;
         let mut advance = self.take_ticks(frame);
         if advance.run.cycles > 0 {
@@ -237,6 +247,7 @@ impl Simulation {
         let run = advance.run;
         self.unpublished |= advance.ticks > 0 || self.has_orders();
         let mut orders = std::mem::take(&mut self.next);
+        self.next.samples = orders.hold_back_samples(samples);
         let publish = orders.want_answers() || (publish && self.unpublished);
         if !publish && run.cycles == 0 && orders.edits.is_empty() {
             self.next.wake |= orders.wake;
@@ -306,12 +317,12 @@ impl Simulation {
             return;
         }
         let settled_after = flight.advance.settled_after(last_change);
-        self.settled = settled_after.is_some() && self.settings.snowfall_rate == 0.0;
+        self.settled = settled_after.is_some();
         self.still = settled_after.is_some() && !self.next.wake && self.next.edits.is_empty();
         let mut ticks = flight.advance.ticks;
         let waits = self.step.as_ref().is_some_and(|job| matches!(job.goal, Goal::Settled(_)));
         if let (true, true, Some(reached), Some(mut clock)) =
-            (waits, self.settled, settled_after, flight.clock_before)
+            (waits, self.is_settled(), settled_after, flight.clock_before)
         {
             // The state has been the same since: only the clock has gone on.
             clock.advance(reached, u32::MAX);
@@ -322,7 +333,7 @@ impl Simulation {
     }
 
     fn advance_goal(&mut self, ticks: u64) {
-        let (settled, paused) = (self.settled, self.settings.paused);
+        let (settled, paused) = (self.is_settled(), self.settings.paused);
         if let Some(job) = &mut self.step {
             job.took(ticks);
             if job.is_over(settled, paused) {
@@ -335,22 +346,6 @@ impl Simulation {
     pub(super) fn end_step(&mut self) {
         if let Some(job) = self.step.take() {
             self.next.replies.push(Reply::Done(job.answer));
-        }
-    }
-
-    /// Events that an order told about when it was applied.
-    pub(super) fn event(&self, reply: &Applied, stamp: Stamp) -> Option<Event> {
-        match *reply {
-            Applied::Snowfall(reply) => Some(Event::Snowfall {
-                stamp,
-                fallen_mass: reply.fallen_mass,
-                refused_mass: reply.refused_mass,
-            }),
-            Applied::Clearing(reply) => {
-                Some(Event::Clearing { stamp, cleared_mass: reply.cleared_mass })
-            }
-            Applied::AirTemperature(_) => Some(Event::Settings { stamp, settings: self.settings }),
-            Applied::Collider(_) | Applied::Stamp(_) => None,
         }
     }
 

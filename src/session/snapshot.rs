@@ -205,6 +205,8 @@ impl Simulation {
         self.next.edits.push(Edit::SetMaterial(saved.material));
         self.next.edits.push(Edit::Restore(Arc::new(snapshot.contents())));
         self.next.changed = true;
+        // What was due when it was saved is due before the next tick.
+        self.deposit_falling();
     }
 }
 
@@ -223,8 +225,9 @@ impl Description {
             ("/spec/id", self.spec.id.is_none()),
             ("/material", fixed == self.spec.material),
             ("/clock", clock_fits),
-            ("/falling", self.falling.is_sound(self.clock.tick())),
-            ("/ledger", out.is_some_and(|out| out <= ledger.fallen)),
+            ("/falling", self.falling.is_sound(self.clock.tick(), &self.spec)),
+            // Not more than falls in a million years of the heaviest snowfalls.
+            ("/ledger", out.is_some_and(|out| out <= ledger.fallen) && ledger.fallen < 1 << 120),
             ("/last_cycle", self.last_cycle.is_none_or(|dt| (0.0..=1.0).contains(&dt))),
             ("/colliders", self.colliders.len() <= limits.colliders_per_session),
         ] {
@@ -233,17 +236,14 @@ impl Description {
             }
         }
         for (i, saved) in self.colliders.iter().enumerate() {
+            let at = format!("/colliders/{i}");
+            let SavedCollider { mass, shape, position, contact, .. } = *saved;
+            let object = Collider { mass, shape, position, contact };
+            object.check(&mut check, &at, &saved.id, &self.spec.grid);
             let ordered = i == 0 || self.colliders[i - 1].id < saved.id;
-            let placed = Footprint::new(&self.spec.grid, &saved.shape, saved.position).is_some();
-            let contact = &saved.contact;
-            let finite = saved.mass > 0.0
-                && saved.mass.is_finite()
-                && contact.area > 0.0
-                && contact.area.is_finite()
-                && contact.pressure.is_finite();
-            check.id(format!("/colliders/{i}/id"), &saved.id);
-            if !(ordered && placed && finite) {
-                check.reject(format!("/colliders/{i}"), "is not what a server would have saved");
+            let positive = |number: f32| number > 0.0 && number.is_finite();
+            if !(ordered && positive(contact.area) && positive(contact.pressure)) {
+                check.reject(at, "is not what a server would have saved");
             }
         }
         check.finish()
@@ -251,7 +251,7 @@ impl Description {
 
     fn check_mass(&self, tiles: &[TileCells]) -> Result<(), SessionError> {
         let mass: u64 = tiles.iter().flat_map(|tile| &tile.mass).map(|&mass| u64::from(mass)).sum();
-        if mass == self.ledger.present() {
+        if u128::from(mass) == self.ledger.present() {
             return Ok(());
         }
         Err(refused("the mass of its cells is not that of its ledger"))
@@ -303,25 +303,27 @@ impl<'a> Body<'a> {
         let (mass, thickness) = (self.words(total)?, self.words(total)?);
         let (temperature, stress) = (self.words(total)?, self.words(total)?);
         let celsius = -40.0..=0.0;
+        // A thousandth, and two quanta, for what is rounded.
+        let densest = grid.cell_size * spec.material.max_density / 64.0 * 1.001;
+        let light = |(&mass, &d): (&u32, &u32)| f64::from(mass) <= f64::from(d) * densest + 2.0;
         let sound = mass.iter().all(|&mass| mass > 0)
+            && mass.iter().zip(&thickness).all(light)
             && thickness.iter().all(|&d| (1..=CELL).contains(&d))
             && temperature.iter().all(|&t| celsius.contains(&f32::from_bits(t)))
             && stress.iter().all(|&s| f32::from_bits(s).is_finite());
         if !sound {
             return Err(refused("a cell is not what a server would have saved"));
         }
-        let slots = grid.height as usize * TILE_COLUMNS as usize;
-        let empty = TileCells {
-            mass: vec![0; slots],
-            thickness: vec![0; slots],
-            temperature: vec![0.0; slots],
-            stress: vec![0.0; slots],
-        };
-        let mut tiles = vec![empty; grid.tiles() as usize];
+        // No more slots than are filled: a small file makes no large memory.
+        let mut tops = vec![0; grid.tiles() as usize];
+        for ((tile, _), &count) in columns(spec).zip(&counts) {
+            tops[tile] = count.max(tops[tile]);
+        }
+        let mut tiles: Vec<TileCells> =
+            tops.into_iter().map(|top| TileCells::empty(top.into())).collect();
         let mut next = 0;
         for ((tile, column), count) in columns(spec).zip(counts) {
             let tile = &mut tiles[tile];
-            let first = next;
             for slot in 0..usize::from(count) {
                 let to = slot * TILE_COLUMNS as usize + column as usize;
                 tile.mass[to] = mass[next];
@@ -329,10 +331,6 @@ impl<'a> Body<'a> {
                 tile.temperature[to] = f32::from_bits(temperature[next]);
                 tile.stress[to] = f32::from_bits(stress[next]);
                 next += 1;
-            }
-            let column: u64 = mass[first..next].iter().map(|&mass| u64::from(mass)).sum();
-            if column > u64::from(u32::MAX) {
-                return Err(refused("a column is too heavy"));
             }
         }
         Ok(tiles)

@@ -7,6 +7,9 @@ use super::error::{Check, SessionError};
 use super::view::Settings;
 use crate::snow::{Grid, MAX_COLUMN_MASS, MAX_TERRAIN_CELLS, Material};
 
+/// Most layers of initial snow.
+const MOST_LAYERS: usize = 1024;
+
 /// Limits of what one server holds.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
@@ -157,6 +160,13 @@ impl SessionSpec {
         }
     }
 
+    /// Lowest and highest elevation of the ground \[m\].
+    pub fn ground_range(&self) -> (f64, f64) {
+        let Some(terrain) = &self.terrain else { return (0.0, 0.0) };
+        let start = (f64::INFINITY, f64::NEG_INFINITY);
+        terrain.heights.iter().fold(start, |(low, high), &h| (low.min(h), high.max(h)))
+    }
+
     /// Checks every field.
     ///
     /// # Errors
@@ -169,6 +179,11 @@ impl SessionSpec {
         self.check_grid(&mut check, limits);
         self.check_material(&mut check);
         check.settings(&self.settings());
+        if self.initial_snow.len() > MOST_LAYERS {
+            let count = self.initial_snow.len();
+            check
+                .reject("/initial_snow", format!("{count} layers; at most {MOST_LAYERS} are laid"));
+        }
         for (i, layer) in self.initial_snow.iter().enumerate() {
             let at = |field| format!("/initial_snow/{i}/{field}");
             check.snow_depth(at("depth"), layer.depth, &self.grid);
@@ -235,8 +250,7 @@ impl SessionSpec {
             );
             return;
         }
-        let lowest = terrain.heights.iter().copied().fold(f64::INFINITY, f64::min);
-        let highest = terrain.heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (lowest, highest) = self.ground_range();
         let range = MAX_TERRAIN_CELLS * self.grid.cell_size;
         if highest - lowest > range {
             check.reject(

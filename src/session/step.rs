@@ -98,6 +98,11 @@ impl StepJob {
             || (settled && matches!(self.goal, Goal::Settled(_)))
     }
 
+    /// Forgets how long a slice was right: there is more to do in each cycle now.
+    pub fn begin_anew(&mut self) {
+        self.slice = FIRST_SLICE;
+    }
+
     /// Fits the next slice to the time that a frame with the last one took.
     pub fn fit(&mut self, frame: Duration) {
         if frame < SLICE_TIME.0 {
@@ -120,7 +125,9 @@ impl Simulation {
         };
         match result {
             Err(error) => drop(answer.send(Err(error))),
-            Ok(Goal::Settled(_)) if self.settled => self.next.replies.push(Reply::Done(answer)),
+            Ok(Goal::Settled(_)) if self.is_settled() => {
+                self.next.replies.push(Reply::Done(answer))
+            }
             Ok(goal) => self.step = Some(StepJob::new(goal, answer)),
         }
     }

@@ -85,6 +85,7 @@ impl World {
             vitals: vitals.clone(),
             frames,
             frame: 0,
+            full: false,
             next_inspection: 0,
             next_beat: Instant::now(),
             simulations: HashMap::new(),

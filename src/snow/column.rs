@@ -249,7 +249,8 @@ impl Compaction<'_> {
         let thickness = cell.thickness as f32;
         let density = mass / thickness * self.density;
         let excess = cell.stress - self.material.hardness(density, cell.temperature);
-        if excess <= 0.0 {
+        // Written so that no number at all counts as none, as in the kernel.
+        if !(excess > 0.0) {
             return 0;
         }
         let indent = excess / self.material.stiffness(density) * self.rate * thickness;

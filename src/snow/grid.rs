@@ -144,7 +144,7 @@ impl Grid {
     }
 
     /// Mass in kg of a number of quanta summed over columns.
-    pub fn kilograms(&self, quanta: u64) -> f64 {
+    pub fn kilograms(&self, quanta: u128) -> f64 {
         quanta as f64 / MASS_QUANTA * self.column_area()
     }
 }

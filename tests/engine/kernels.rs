@@ -1,6 +1,8 @@
 //! Every kernel beside its twin, on random inputs.
 
-use firn::engine::frame::{Backend, Edit, SampleBox, Work};
+use std::sync::Arc;
+
+use firn::engine::frame::{Backend, Contents, Edit, Run, SampleBox, Work};
 use firn::snow::{Grid, HardnessLaw, LoadDistribution, Material, Shape};
 
 use crate::support::*;
@@ -273,5 +275,38 @@ fn the_fixed_grid_is_sampled_as_in_the_reference() {
             .sum();
         let sampled: f64 = samples[0][0].iter().map(|sample| f64::from(sample.mass)).sum();
         assert!((sampled * firn::snow::MASS_QUANTA / present as f64 - 1.0).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn what_is_restored_goes_on_as_it_was_saved_also_within_the_frame() {
+    let Some(mut gpu) = gpu(false) else { return };
+    let grid = Grid { width: 17, depth: 12, height: 20, cell_size: 0.2 };
+    let cycle = Run { cycles: 1, dt: 0.1 };
+    for backend in [&mut gpu as &mut dyn Backend, &mut cpu()] {
+        for slot in 0..3 {
+            backend.create(slot, &level(grid, Material::default())).unwrap();
+        }
+        edit(backend, 0, vec![snow(&grid, grid.all(), 3.0, 20.0, -3.0)]);
+        let plate = put(&grid, "a", 90.0, Shape::Disk { radius: 0.6 }, 1.5, 1.2);
+        edit(backend, 0, vec![plate.clone()]);
+        let contacts = run(backend, 0, 7, 0.1).contacts;
+        let Edit::PutCollider { collider, .. } = plate else { unreachable!() };
+        let saved = Arc::new(Contents {
+            tiles: Arc::new(cells(backend, 0, &grid)),
+            colliders: contacts.into_iter().map(|(id, c)| (id, collider.clone(), c)).collect(),
+        });
+        let restore = || vec![Edit::SetMaterial(Material::default()), Edit::Restore(saved.clone())];
+        // In a frame of its own, and in the frame of the next cycle.
+        edit(backend, 1, restore());
+        assert!(cells(backend, 1, &grid) == cells(backend, 0, &grid));
+        let once = Work { slot: 2, edits: restore(), run: cycle, wake: true, ..Work::default() };
+        work(backend, once);
+        for slot in 0..2 {
+            work(backend, Work { slot, run: cycle, wake: true, ..Work::default() });
+        }
+        for slot in 1..3 {
+            assert!(cells(backend, slot, &grid) == cells(backend, 0, &grid), "slot {slot}");
+        }
     }
 }

@@ -11,6 +11,7 @@ use super::device::Device;
 use super::kernels::Resource;
 use super::layout::{self, AWAKE, DIRTY, NO_SESSION};
 use super::ranges::Ranges;
+use super::tables::PACKED_WORDS;
 
 /// Bytes of one row of 64 cells in one of a page's four buffers.
 const ROW_BYTES: u64 = 4 * TILE_COLUMNS as u64;
@@ -168,7 +169,8 @@ impl Arena {
             return Ok(tiles);
         }
         let old = self.tiles.capacity();
-        let most = device.largest_binding() / ROW_BYTES;
+        // All tiles may be published in one frame.
+        let most = device.largest_binding() / (PACKED_WORDS * 4);
         let wanted = u64::from(old).saturating_mul(2).max(u64::from(old) + u64::from(count));
         let capacity = wanted.min(most);
         if capacity < u64::from(old) + u64::from(count) {
@@ -177,11 +179,14 @@ impl Arena {
                  {most} tiles"
             )));
         }
-        device.allocate(|| {
-            for ((_, table), bytes) in self.tables.iter_mut().zip(TILE_BYTES) {
-                table.grow(&device.device, &device.queue, capacity * bytes);
-            }
+        let larger: Vec<wgpu::Buffer> = device.allocate(|| {
+            let sizes = TILE_BYTES.map(|bytes| capacity * bytes);
+            let tables = self.tables.iter().zip(sizes);
+            tables.map(|((_, table), size)| table.another(&device.device, size)).collect()
         })?;
+        for ((_, table), larger) in self.tables.iter_mut().zip(larger) {
+            table.move_to(larger, &device.device, &device.queue);
+        }
         self.generation += 1;
         self.tiles.grow(capacity as u32);
         self.disown(device, old..capacity as u32);
@@ -234,19 +239,12 @@ impl Arena {
                 self.budget
             )));
         }
-        let usage = wgpu::BufferUsages::STORAGE
-            | wgpu::BufferUsages::COPY_DST
-            | wgpu::BufferUsages::COPY_SRC;
-        let cells = device.allocate(|| {
-            ["mass", "thickness", "temperature", "stress"].map(|label| {
-                device.device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some(label),
-                    size: rows * ROW_BYTES,
-                    usage,
-                    mapped_at_creation: false,
-                })
-            })
-        })?;
+        let (rows, cells) = match make_cells(device, rows) {
+            Ok(cells) => (rows, cells),
+            // What is needed may fit where an ample page doesn't.
+            Err(_) if rows > needed => (needed, make_cells(device, needed)?),
+            Err(error) => return Err(error),
+        };
         let page = Some(Page { rows: Ranges::new(rows as u32), cells });
         match self.pages.iter_mut().find(|page| page.is_none()) {
             Some(free) => *free = page,
@@ -369,6 +367,22 @@ impl Arena {
             device.queue.write_buffer(buffer, offset, bytemuck::cast_slice(rows));
         }
     }
+}
+
+/// The four buffers of a page.
+fn make_cells(device: &Device, rows: u64) -> Result<[wgpu::Buffer; 4], EngineError> {
+    let usage =
+        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+    device.allocate(|| {
+        ["mass", "thickness", "temperature", "stress"].map(|label| {
+            device.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: rows * ROW_BYTES,
+                usage,
+                mapped_at_creation: false,
+            })
+        })
+    })
 }
 
 /// Bytes of the four buffers of a page.

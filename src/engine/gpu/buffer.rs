@@ -10,6 +10,8 @@ const SMALLEST: u64 = 256;
 pub struct Table {
     label: &'static str,
     usage: wgpu::BufferUsages,
+    /// Largest size that can be bound \[bytes\].
+    most: u64,
     buffer: wgpu::Buffer,
 }
 
@@ -21,7 +23,9 @@ impl Table {
         usage: wgpu::BufferUsages,
         size: u64,
     ) -> Table {
-        Table { label, usage, buffer: make(device, label, usage, size) }
+        let limits = device.limits();
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        Table { label, usage, most, buffer: make(device, label, usage, size) }
     }
 
     /// The buffer as it is now.
@@ -39,13 +43,24 @@ impl Table {
         if size <= self.size() {
             return false;
         }
-        self.buffer = make(device, self.label, self.usage, size.next_power_of_two());
+        let ample = size.next_power_of_two().min(self.most).max(size);
+        self.buffer = make(device, self.label, self.usage, ample);
         true
+    }
+
+    /// A buffer of another size for the same, still without contents.
+    pub fn another(&self, device: &wgpu::Device, size: u64) -> wgpu::Buffer {
+        make(device, self.label, self.usage, size)
     }
 
     /// Replaces the buffer by one of `size` bytes that begins with the same contents.
     pub fn grow(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, size: u64) {
-        let larger = make(device, self.label, self.usage, size);
+        let larger = self.another(device, size);
+        self.move_to(larger, device, queue);
+    }
+
+    /// Moves the contents to a larger buffer.
+    pub fn move_to(&mut self, larger: wgpu::Buffer, device: &wgpu::Device, queue: &wgpu::Queue) {
         let mut encoder = device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(&self.buffer, 0, &larger, 0, self.size());
         queue.submit([encoder.finish()]);

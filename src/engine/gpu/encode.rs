@@ -47,7 +47,7 @@ impl GpuBackend {
         self.encode(&mut encoder, &dispatches);
 
         let copies = Copies::new(&frame.work, &edits, &self.residents, &self.tables, tiles);
-        self.readback.copy(&self.device, &mut encoder, &self.arena, &self.tables, copies);
+        self.readback.copy(&self.device, &mut encoder, &self.tables, copies);
         let submission = self.device.queue.submit([encoder.finish()]);
         self.readback.begin(submission);
     }

@@ -86,6 +86,10 @@ impl Backend for GpuBackend {
         if let Some(resident) = self.residents.remove(&slot) {
             self.tables.forget_bodies(resident.bodies.values());
             self.arena.give_back(&self.device, resident.lot);
+            // Bindings hold the buffers of pages that were released.
+            self.tables.fit_to(&self.device, &self.arena);
+            // A failure shows at the next submit.
+            let _ = self.device.device.poll(wgpu::PollType::Poll);
         }
     }
 
@@ -118,7 +122,7 @@ impl GpuBackend {
     /// Takes in the outcome of the frame in flight, waiting for it no longer than `patience`.
     /// Returns whether it has arrived.
     fn fetch(&mut self, patience: Duration) -> Result<bool, EngineError> {
-        let arrived = self.readback.fetch(&self.device, &self.tables, patience);
+        let arrived = self.readback.fetch(&self.device, &self.arena, &self.tables, patience);
         self.device.check()?;
         match arrived? {
             Some(outcome) => {

@@ -135,6 +135,8 @@ impl Planner<'_> {
             self.mark_loaded(slot, resident);
         }
         if !evaluates {
+            // What is restored is left as it was saved; the next cycle evaluates it.
+            self.evaluated.remove(&slot);
             return;
         }
         self.evaluated.insert(slot);

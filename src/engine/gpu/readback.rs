@@ -22,6 +22,9 @@ use super::tables::{PACKED_WORDS, Tables};
 /// Packed tiles that are copied before it is known how many there are, at the least.
 const FEWEST_PACKED: u64 = 256;
 
+/// Bytes of cells that are copied out at a time.
+const CELLS_AT_ONCE: u64 = 64 << 20;
+
 /// What is copied out, in order.
 #[derive(Debug, Default)]
 pub struct Copies {
@@ -134,7 +137,6 @@ impl Readback {
         &mut self,
         device: &Device,
         encoder: &mut wgpu::CommandEncoder,
-        arena: &Arena,
         tables: &Tables,
         mut copies: Copies,
     ) {
@@ -142,7 +144,6 @@ impl Readback {
         copies.packed = copies.packable.min((2 * self.last_packed).max(FEWEST_PACKED));
         let tally = std::mem::size_of::<layout::Tally>() as u64;
         let contact = std::mem::size_of::<layout::Contact>() as u64;
-        let cells: u64 = copies.cells.iter().map(|(_, height)| cells_bytes(*height)).sum();
         let sources = [
             (tables.tallies.buffer(), copies.tallies * tally),
             (tables.operation_results.buffer(), copies.edits * 8),
@@ -151,22 +152,13 @@ impl Readback {
             (tables.packed.buffer(), copies.packed * PACKED_WORDS * 4),
             (tables.samples.buffer(), copies.samples * std::mem::size_of::<Sample>() as u64),
         ];
-        let bytes = sources.iter().map(|(_, bytes)| bytes).sum::<u64>() + 4 * cells;
+        let bytes = sources.iter().map(|(_, bytes)| bytes).sum::<u64>();
         self.table.reserve(&device.device, bytes);
         let target = self.table.buffer();
         let mut offset = 0;
         for (source, bytes) in sources {
             if bytes > 0 {
                 encoder.copy_buffer_to_buffer(source, 0, target, offset, bytes);
-                offset += bytes;
-            }
-        }
-        for (place, height) in &copies.cells {
-            let Some(page) = &arena.pages[place.page as usize] else { continue };
-            let bytes = cells_bytes(*height);
-            let first = u64::from(place.row) * u64::from(TILE_COLUMNS) * 4;
-            for cells in &page.cells {
-                encoder.copy_buffer_to_buffer(cells, first, target, offset, bytes);
                 offset += bytes;
             }
         }
@@ -187,6 +179,7 @@ impl Readback {
     pub fn fetch(
         &mut self,
         device: &Device,
+        arena: &Arena,
         tables: &Tables,
         patience: Duration,
     ) -> Result<Option<Outcome>, EngineError> {
@@ -200,12 +193,78 @@ impl Readback {
         let Some(flight) = self.flight.take() else { return Ok(None) };
         let bytes = read(self.table.buffer(), flight.bytes)?;
         let (mut outcome, packed) = flight.copies.outcome(&bytes);
-        self.last_packed = packed;
+        if flight.copies.packable > 0 {
+            self.last_packed = packed;
+        }
         if packed > flight.copies.packed {
             let rest = self.fetch_packed(device, tables, flight.copies.packed, packed)?;
             flight.copies.add_tiles(&rest, &mut outcome);
         }
+        let mut cells = self.fetch_cells(device, arena, &flight.copies.cells)?.into_iter();
+        for (work, wanted) in outcome.work.iter_mut().zip(&flight.copies.work) {
+            work.gathered = cells.by_ref().take(wanted.gathered).collect();
+        }
         Ok(Some(outcome))
+    }
+
+    /// Fetches the cells of tiles, in portions; nothing has changed them since the frame.
+    fn fetch_cells(
+        &mut self,
+        device: &Device,
+        arena: &Arena,
+        wanted: &[(Place, u32)],
+    ) -> Result<Vec<TileCells>, EngineError> {
+        let mut found = Vec::with_capacity(wanted.len());
+        let mut left = wanted;
+        while let Some((_, height)) = left.first() {
+            let most = (CELLS_AT_ONCE / (4 * cells_bytes(*height))).max(1) as usize;
+            // Tiles of one snowpack are equally high; another's may be higher.
+            let alike = left.iter().take(most).take_while(|(_, h)| h == height).count();
+            let (portion, rest) = left.split_at(alike);
+            left = rest;
+            let plane = cells_bytes(*height);
+            let bytes = plane * 4 * portion.len() as u64;
+            self.table.reserve(&device.device, bytes);
+            let mut encoder = device.device.create_command_encoder(&Default::default());
+            let mut offset = 0;
+            for (place, _) in portion {
+                let Some(page) = &arena.pages[place.page as usize] else { continue };
+                let first = u64::from(place.row) * u64::from(TILE_COLUMNS) * 4;
+                for cells in &page.cells {
+                    let target = self.table.buffer();
+                    encoder.copy_buffer_to_buffer(cells, first, target, offset, plane);
+                    offset += plane;
+                }
+            }
+            let bytes = self.fetch_now(device, encoder, bytes)?;
+            let mut reader = Reader(&bytes);
+            found.extend(portion.iter().map(|_| TileCells {
+                mass: reader.rows(plane / 4),
+                thickness: reader.rows(plane / 4),
+                temperature: reader.rows(plane / 4),
+                stress: reader.rows(plane / 4),
+            }));
+        }
+        Ok(found)
+    }
+
+    /// Submits copies into the buffer, and waits for them.
+    fn fetch_now(
+        &self,
+        device: &Device,
+        encoder: wgpu::CommandEncoder,
+        bytes: u64,
+    ) -> Result<Vec<u8>, EngineError> {
+        let submission = device.queue.submit([encoder.finish()]);
+        let mapping = map(self.table.buffer(), bytes);
+        while mapping.load(Ordering::Acquire) == WAITING {
+            wait(device, &submission, Duration::from_millis(100))?;
+            device.check()?;
+        }
+        if mapping.load(Ordering::Acquire) == FAILED {
+            return Err(unreadable());
+        }
+        read(self.table.buffer(), bytes)
     }
 
     /// Fetches packed tiles that were more than expected; they are still there.
@@ -222,16 +281,7 @@ impl Readback {
         let offset = first * PACKED_WORDS * 4;
         let target = self.table.buffer();
         encoder.copy_buffer_to_buffer(tables.packed.buffer(), offset, target, 0, bytes);
-        let submission = device.queue.submit([encoder.finish()]);
-        let mapping = map(target, bytes);
-        while mapping.load(Ordering::Acquire) == WAITING {
-            wait(device, &submission, Duration::from_millis(100))?;
-            device.check()?;
-        }
-        if mapping.load(Ordering::Acquire) == FAILED {
-            return Err(unreadable());
-        }
-        let bytes = read(target, bytes)?;
+        let bytes = self.fetch_now(device, encoder, bytes)?;
         Ok(bytemuck::pod_collect_to_vec(&bytes))
     }
 }
@@ -303,16 +353,6 @@ impl Copies {
         let packed: Vec<u32> = reader.rows(self.packed * PACKED_WORDS);
         let samples: Vec<Sample> = reader.rows(self.samples);
         let mut samples = samples.into_iter();
-        let mut cells = self.cells.iter().map(|(_, height)| {
-            let count = cells_bytes(*height) / 4;
-            TileCells {
-                mass: reader.rows(count),
-                thickness: reader.rows(count),
-                temperature: reader.rows(count),
-                stress: reader.rows(count),
-            }
-        });
-
         let mut outcome = Outcome::default();
         let mut results = results.into_iter().map(|row| join(row.low, row.high));
         for work in &self.work {
@@ -326,7 +366,7 @@ impl Copies {
                 active_tiles: tally.active_tiles,
                 mass: join(tally.mass_low, tally.mass_high),
                 contacts: work.contacts.iter().map(contact).collect(),
-                gathered: cells.by_ref().take(work.gathered).collect(),
+                gathered: Vec::new(),
                 samples: work
                     .samples
                     .iter()

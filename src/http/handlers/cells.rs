@@ -12,13 +12,10 @@ use crate::http::extract::{FromQuery, Query, Segments};
 use crate::http::query::Params;
 use crate::http::state::App;
 use crate::problem::{FieldError, Problem};
-use crate::session::{Session, Stamp};
+use crate::session::{MOST_SAMPLES, Session, Stamp};
 use crate::snow::{ColumnRect, Content, Sample};
 
 use super::{off_thread, stamp_headers};
-
-/// Most cells of one answer.
-const MOST_CELLS: u64 = 1 << 20;
 
 /// Which cells are asked for, and what of them.
 #[derive(Debug, IntoParams)]
@@ -266,9 +263,9 @@ fn window(query: &CellsQuery, session: &Session) -> Result<(ColumnRect, u32, u32
     }
     let columns = ColumnRect { x0, z0, x1: x0 + width, z1: z0 + depth };
     let cells = columns.columns() * u64::from(height);
-    if cells > MOST_CELLS {
+    if cells > MOST_SAMPLES {
         return Err(Problem::too_large(format!(
-            "{width} × {height} × {depth} makes {cells} cells, more than the {MOST_CELLS} of one \
+            "{width} × {height} × {depth} makes {cells} cells, more than the {MOST_SAMPLES} of one \
              answer; ask for a part of them"
         )));
     }

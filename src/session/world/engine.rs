@@ -12,6 +12,7 @@ use tracing::{error, info};
 use crate::engine::frame::{Backend, EngineError, Frame, Outcome};
 use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
+use crate::session::gather::MOST_SAMPLES;
 use crate::session::message::Message;
 use crate::session::registry::Names;
 use crate::session::simulation::Simulation;
@@ -33,6 +34,8 @@ pub(super) struct Engine {
     pub(super) vitals: Arc<Vitals>,
     pub(super) frames: Arc<AtomicU64>,
     pub(super) frame: u64,
+    /// A session has as many edits for the next frame as one frame should carry.
+    pub(super) full: bool,
     /// Frame of the next look for sessions that nobody wants.
     pub(super) next_inspection: u64,
     pub(super) next_beat: Instant,
@@ -76,7 +79,11 @@ impl Engine {
             }
         }
         // No more than one inbox full at a time, so that beats are not missed.
+        self.full = false;
         for _ in 0..INBOX {
+            if self.full {
+                break;
+            }
             match self.inbox.try_recv() {
                 Ok(message) => {
                     if !self.take_message(message) {
@@ -139,9 +146,11 @@ impl Engine {
         let (number, sleep) = (self.frame, self.config.sleep);
         let mut frame = Frame::default();
         let mut keys = Vec::new();
+        let mut samples = MOST_SAMPLES;
         let active: Vec<u64> = self.active.iter().copied().collect();
         for key in active {
-            let plan = self.guard(key, |simulation| simulation.plan(number, publish, sleep));
+            let plan =
+                self.guard(key, |simulation| simulation.plan(number, publish, sleep, &mut samples));
             if let Some(work) = plan.flatten() {
                 frame.work.push(work);
                 keys.push(key);

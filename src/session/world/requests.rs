@@ -15,17 +15,17 @@ use crate::session::snapshot::Snapshot;
 
 use super::engine::Engine;
 
+/// Edits of one session in one frame after which other requests wait for the next.
+const MOST_EDITS: usize = 4096;
+
 impl Engine {
     pub(super) fn take_message(&mut self, message: Message) -> bool {
         match message {
             Message::Create { session, saved, reply } => self.create(session, saved, reply),
             Message::Delete { key, reply } => {
-                let result = self.with(key, |_| ()).map(|()| {
-                    let deleted = SessionError::NotFound {
-                        kind: "session",
-                        id: self.simulations[&key].session.id.clone(),
-                    };
-                    self.remove(key, &deleted);
+                let name = self.simulations.get(&key).map(|sim| sim.session.id.clone());
+                let result = name.ok_or_else(gone).map(|id| {
+                    self.remove(key, &SessionError::NotFound { kind: "session", id });
                 });
                 // Here and below: whoever has gone away needs no answer.
                 drop(reply.send(result));
@@ -78,11 +78,12 @@ impl Engine {
             return;
         }
         let key = session.key;
-        let mut simulation = Simulation::new(session, slot, self.frame);
-        simulation.begin(saved.as_deref());
-        simulation.next.replies.push(Reply::Created(reply));
-        self.simulations.insert(key, simulation);
+        self.simulations.insert(key, Simulation::new(session, slot, self.frame));
         self.active.insert(key);
+        self.guard(key, |simulation| {
+            simulation.begin(saved.as_deref());
+            simulation.next.replies.push(Reply::Created(reply));
+        });
     }
 
     /// Hands a request with its answer to a simulation, and sees to it that it gets a frame.
@@ -97,10 +98,12 @@ impl Engine {
             return;
         }
         let frame = self.frame;
-        self.guard(key, |simulation| {
+        let edits = self.guard(key, |simulation| {
             simulation.catch_up(frame);
             act(simulation, reply);
+            simulation.next.edits.len()
         });
+        self.full |= edits.is_some_and(|edits| edits >= MOST_EDITS);
         self.review(key);
     }
 
