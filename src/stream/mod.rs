@@ -3,6 +3,7 @@
 
 mod answer;
 mod cause;
+pub mod codec;
 mod receive;
 mod request;
 mod send;
