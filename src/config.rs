@@ -82,6 +82,50 @@ pub struct RequestConfig {
     pub request_timeout: Duration,
 }
 
+/// What one stream may take.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct StreamConfig {
+    /// Longest time for one message to be written to a stream's client, as in `60s`; a client that
+    /// takes longer is closed with 3008.
+    #[arg(
+        long,
+        env = "FIRN_STREAM_WRITE_TIMEOUT",
+        default_value = "60s",
+        value_parser = parse_duration,
+        value_name = "TIME"
+    )]
+    pub stream_write_timeout: Duration,
+
+    /// Commands per second of one stream, and as many at once; a client that sends more is closed
+    /// with 3013.
+    #[arg(
+        long,
+        env = "FIRN_STREAM_COMMANDS_PER_SECOND",
+        default_value_t = COMMANDS_PER_SECOND,
+        value_parser = clap::value_parser!(u32).range(1..),
+        value_name = "N"
+    )]
+    pub stream_commands_per_second: u32,
+
+    /// Time that a client has to hear why its stream is closed.
+    #[arg(skip = FAREWELL)]
+    pub stream_farewell: Duration,
+}
+
+/// Twice as many as 200 objects take that are each moved 60 times a second.
+const COMMANDS_PER_SECOND: u32 = 24_000;
+const FAREWELL: Duration = Duration::from_secs(2);
+
+impl Default for StreamConfig {
+    fn default() -> Self {
+        StreamConfig {
+            stream_write_timeout: Duration::from_secs(60),
+            stream_commands_per_second: COMMANDS_PER_SECOND,
+            stream_farewell: FAREWELL,
+        }
+    }
+}
+
 /// What the snowpacks live on.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct EngineConfig {

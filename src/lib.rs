@@ -10,6 +10,7 @@ pub mod config;
 pub mod engine;
 pub mod experiment;
 pub mod http;
+pub mod load;
 pub mod problem;
 pub mod session;
 pub mod snow;

@@ -2,6 +2,7 @@
 
 mod demo;
 mod experiment;
+mod load;
 mod openapi;
 mod serve;
 
@@ -36,6 +37,12 @@ enum Command {
     /// should be.
     #[command(after_help = experiment::EXAMPLES)]
     Experiment(experiment::Options),
+    /// Put load on a server and measure what its viewers get
+    ///
+    /// Creates sessions, watches them with many clients, moves objects through the snow, and
+    /// deletes the sessions again, on Ctrl-C too. See below for what the figures mean.
+    #[command(after_help = load::NOTES)]
+    Load(load::Options),
     /// Print the OpenAPI document of the REST interface
     Openapi,
 }
@@ -54,6 +61,7 @@ pub fn run() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Serve(options) => serve::run(&options),
         Command::Experiment(options) => experiment::run(&options),
+        Command::Load(options) => load::run(&options),
         Command::Openapi => openapi::run(),
     };
     match result {

@@ -9,7 +9,7 @@ use tracing::{info, warn};
 use tracing_subscriber::EnvFilter;
 
 use crate::config::{
-    BackendChoice, EngineConfig, LimitsConfig, ListenConfig, LogConfig, RequestConfig,
+    BackendChoice, EngineConfig, LimitsConfig, ListenConfig, LogConfig, RequestConfig, StreamConfig,
 };
 use crate::engine::cpu::CpuBackend;
 use crate::engine::frame::{Backend, EngineError};
@@ -41,6 +41,8 @@ pub struct Serve {
     limits: LimitsConfig,
     #[command(flatten)]
     requests: RequestConfig,
+    #[command(flatten)]
+    stream: StreamConfig,
     #[command(flatten)]
     log: LogConfig,
     /// Begin with a live session `demo`: 5.8 m of snow and three objects on it.
@@ -100,7 +102,8 @@ async fn serve(options: &Serve, listener: TcpListener, sessions: Sessions) -> Re
     }
     let shutdown = CancellationToken::new();
     let signals = tokio::spawn(stop_on_signal(shutdown.clone()));
-    let served = http::run(listener, App::new(sessions, options.requests), shutdown).await;
+    let app = App { stream: options.stream, ..App::new(sessions, options.requests) };
+    let served = http::run(listener, app, shutdown).await;
     signals.abort();
     served.map_err(|error| Failure::Failed(format!("serving: {error}")))
 }

@@ -2,12 +2,13 @@
 //!
 //! They run through the same sessions as everybody's, on whatever backend the world has. What is
 //! set up, how it is carried out, what the outcome is compared with, and how it is shown are kept
-//! apart: `setup`, `recording`, `study` and `reference`, then `table`, `csv`, `chart` and
+//! apart: `setup`, `recording`, `outcome` and `reference`, then `table`, `csv`, `chart` and
 //! `figures`. `docs/experiments.md` discusses the results.
 
 mod chart;
 mod csv;
 mod figures;
+mod outcome;
 mod recording;
 mod reference;
 mod setup;
@@ -63,7 +64,7 @@ pub async fn run(
     for setup in experiment.setups(side) {
         recordings.push(recording::carry_out(sessions, &setup, progress).await?);
     }
-    Ok(study::studies(experiment, &recordings))
+    Ok(outcome::studies(experiment, &recordings))
 }
 
 /// Writes a study's figures and tables of numbers into a directory, which is created where it is

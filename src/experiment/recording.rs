@@ -1,8 +1,8 @@
 //! Carrying out one set-up: a session is created, snowed on and stepped, and noted down on the way.
 
 use crate::session::{
-    Change, ColliderBatch, ColliderView, ColumnView, Session, SessionError, Sessions, Snowfall,
-    StepSpec,
+    Change, ColliderBatch, ColliderView, ColumnView, Session, SessionError, Sessions, SnowLayer,
+    Snowfall, StepSpec,
 };
 
 use super::setup::{Plate, Setup};
@@ -75,13 +75,7 @@ async fn record(
     let mut tick = 0;
     for phase in &setup.phases {
         if let Some(snow) = phase {
-            let fall = Snowfall {
-                depth: snow.depth,
-                density: snow.density,
-                temperature: snow.temperature,
-                region: None,
-            };
-            session.change(Change::Snowfall(fall)).await?;
+            session.change(Change::Snowfall(everywhere(snow))).await?;
         }
         if fresh.is_none() {
             fresh = Some(column().await?);
@@ -117,6 +111,15 @@ async fn record(
         present: mass.present / columns,
         imbalance: mass.imbalance_quanta,
     })
+}
+
+fn everywhere(snow: &SnowLayer) -> Snowfall {
+    Snowfall {
+        depth: snow.depth,
+        density: snow.density,
+        temperature: snow.temperature,
+        region: None,
+    }
 }
 
 /// Heights over time.

@@ -2,6 +2,7 @@
 
 mod accept;
 mod docs;
+mod etag;
 mod extract;
 mod handlers;
 mod page;

@@ -1,7 +1,8 @@
 //! A session as the rest of the server sees it.
 
+use std::any::Any;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
+use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 
 use serde::Serialize;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
@@ -101,6 +102,7 @@ pub struct Session {
     pub(super) world: mpsc::Sender<Message>,
     /// Frames so far, of all sessions.
     pub(super) frames: Arc<AtomicU64>,
+    companion: OnceLock<Arc<dyn Any + Send + Sync>>,
 }
 
 impl Session {
@@ -129,6 +131,7 @@ impl Session {
             last_used: AtomicU64::new(sessions.frames.load(Ordering::Relaxed)),
             world: sessions.world.clone(),
             frames: sessions.frames.clone(),
+            companion: OnceLock::new(),
             spec,
         }
     }
@@ -158,6 +161,16 @@ impl Session {
     /// The newest published `seq`, and a way to wait for the next.
     pub fn publications(&self) -> watch::Receiver<u64> {
         self.published.subscribe()
+    }
+
+    /// What the streams keep beside the session for as long as it lives; made when it is first
+    /// asked for.
+    ///
+    /// # Panics
+    /// Where another type was asked for before: a session has one companion.
+    pub fn companion<T: Any + Default + Send + Sync>(&self) -> Arc<T> {
+        let companion = self.companion.get_or_init(|| Arc::new(T::default())).clone();
+        companion.downcast().expect("a session has one kind of companion")
     }
 
     /// Events from now on.

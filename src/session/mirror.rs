@@ -69,6 +69,14 @@ impl Mirror {
         self.versions[changed.tile as usize] = seq;
     }
 
+    /// Publishes a change of a tile, for tests of what is made of it.
+    #[cfg(test)]
+    pub(crate) fn change(&mut self, tile: u32, seq: u64) {
+        let heights = self.tiles[tile as usize].map(|height| height + 1);
+        self.update(&TileHeights { slot: 0, tile, heights }, seq);
+        self.seq = seq;
+    }
+
     /// Heights of a tile's columns, and the `seq` at which one last changed.
     pub fn tile(&self, tile: u32) -> (&TileColumns, u64) {
         (&self.tiles[tile as usize], self.versions[tile as usize])

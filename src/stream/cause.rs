@@ -1,5 +1,7 @@
 //! Why a stream ends, and what its client is told.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use axum::extract::ws::CloseFrame;
 use tungstenite::Error as WsError;
 
@@ -18,6 +20,8 @@ pub enum Cause {
     Silent,
     /// A message could not be written for too long.
     TooSlow,
+    /// The client sent more commands than it may.
+    TooManyCommands,
     /// The server is stopping.
     Draining,
     /// The session was deleted.
@@ -25,6 +29,19 @@ pub enum Cause {
 }
 
 impl Cause {
+    /// Every cause.
+    pub const ALL: [Cause; 9] = [
+        Cause::Done,
+        Cause::Broken,
+        Cause::Malformed,
+        Cause::TooBig,
+        Cause::Silent,
+        Cause::TooSlow,
+        Cause::TooManyCommands,
+        Cause::Draining,
+        Cause::Deleted,
+    ];
+
     /// A label for logs and counters.
     pub fn label(self) -> &'static str {
         match self {
@@ -34,6 +51,7 @@ impl Cause {
             Cause::TooBig => "too_big",
             Cause::Silent => "silent",
             Cause::TooSlow => "too_slow",
+            Cause::TooManyCommands => "too_many_commands",
             Cause::Draining => "draining",
             Cause::Deleted => "deleted",
         }
@@ -47,7 +65,8 @@ impl Cause {
             Cause::Draining => (1001, "the server is stopping; connect again"),
             Cause::Malformed => (1002, "not a WebSocket message"),
             Cause::TooBig => (1009, "a message may have at most 1 MiB"),
-            Cause::TooSlow => (3008, "a message could not be delivered for 60 s"),
+            Cause::TooSlow => (3008, "a message could not be delivered for too long"),
+            Cause::TooManyCommands => (3013, "more commands per second than are taken"),
             Cause::Deleted => (3502, "the session was deleted"),
         };
         Some(CloseFrame { code, reason: reason.into() })
@@ -56,6 +75,21 @@ impl Cause {
     /// Whether the rest of what the client sends can still be read.
     pub fn is_readable(self) -> bool {
         !matches!(self, Cause::Broken | Cause::Malformed | Cause::TooBig)
+    }
+}
+
+/// How many streams have ended, by cause.
+#[derive(Debug, Default)]
+pub struct Endings([AtomicU64; Cause::ALL.len()]);
+
+impl Endings {
+    /// Streams that ended for a cause.
+    pub fn of(&self, cause: Cause) -> u64 {
+        self.0[cause as usize].load(Ordering::Relaxed)
+    }
+
+    pub(super) fn count(&self, cause: Cause) {
+        self.0[cause as usize].fetch_add(1, Ordering::Relaxed);
     }
 }
 
@@ -94,12 +128,23 @@ mod tests {
     }
 
     #[test]
+    fn endings_are_counted_by_cause() {
+        for (place, cause) in Cause::ALL.into_iter().enumerate() {
+            assert_eq!(cause as usize, place);
+        }
+        let endings = Endings::default();
+        endings.count(Cause::TooSlow);
+        assert_eq!((endings.of(Cause::TooSlow), endings.of(Cause::Deleted)), (1, 0));
+    }
+
+    #[test]
     fn close_codes_are_those_of_the_contract() {
         let codes = [
             (Cause::Done, Some(1000)),
             (Cause::Draining, Some(1001)),
             (Cause::TooBig, Some(1009)),
             (Cause::TooSlow, Some(3008)),
+            (Cause::TooManyCommands, Some(3013)),
             (Cause::Deleted, Some(3502)),
             (Cause::Silent, None),
         ];

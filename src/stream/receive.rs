@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 use std::future::{Future, poll_fn};
 use std::pin::Pin;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::Poll;
 use std::time::Duration;
 
@@ -18,6 +19,7 @@ use crate::session::{Applied, Change, SessionError};
 
 use super::answer;
 use super::cause::Cause;
+use super::rate::CommandRate;
 use super::request::{Control, Request};
 
 /// Requests of one client that may be under way. Beyond them nothing more is read from it.
@@ -35,12 +37,26 @@ pub enum Next {
     Control(Control),
 }
 
+/// What is taken from a client.
+#[derive(Debug)]
+pub struct Bounds<'a> {
+    /// Commands that it may still send.
+    pub rate: CommandRate,
+    /// Whether a message to it is being written.
+    pub writing: &'a AtomicBool,
+}
+
 type Pending<'a> = Pin<Box<dyn Future<Output = Next> + Send + 'a>>;
 
 /// Reads a client's messages until the stream ends.
 ///
 /// `apply` carries out changes; those of one client are begun in the order of their messages.
-pub async fn receive<S, A, F>(mut messages: S, answers: mpsc::Sender<Next>, apply: A) -> Cause
+pub async fn receive<S, A, F>(
+    mut messages: S,
+    answers: mpsc::Sender<Next>,
+    apply: A,
+    mut bounds: Bounds<'_>,
+) -> Cause
 where
     S: Stream<Item = Result<Message, axum::Error>> + Unpin,
     A: Fn(Change) -> F,
@@ -58,6 +74,11 @@ where
         tokio::select! {
             message = messages.next(), if reading => {
                 heard = Instant::now();
+                if let Some(Ok(Message::Text(_) | Message::Binary(_) | Message::Ping(_))) = message
+                    && !bounds.rate.allows(heard)
+                {
+                    return Cause::TooManyCommands;
+                }
                 let begun = match message {
                     None => return Cause::Broken,
                     Some(Err(error)) => return error.into(),
@@ -73,7 +94,13 @@ where
                 let Ok(permit) = permit else { return Cause::Broken };
                 permit.send(ready.pop_front().expect("checked before waiting"));
             }
-            () = sleep_until(heard + SILENCE), if reading => return Cause::Silent,
+            () = sleep_until(heard + SILENCE), if reading => {
+                // Who can't take a message in can't answer pings: the writing half decides.
+                if !bounds.writing.load(Ordering::Relaxed) {
+                    return Cause::Silent;
+                }
+                heard = Instant::now();
+            }
         }
     }
 }

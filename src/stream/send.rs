@@ -3,6 +3,8 @@
 //! Heights wait nowhere: a subscription knows what its client has seen, and copies the newest state
 //! when the client can take it. So a slow client costs no memory and delays nobody.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use axum::extract::ws::Message;
@@ -14,22 +16,37 @@ use tokio::time::{Instant, MissedTickBehavior, interval_at, sleep_until, timeout
 use crate::session::{Applied, Event, Invalid, Session, SessionError, Stamp};
 
 use super::answer::{self, Answer};
+use super::cache::EncodedTiles;
 use super::cause::Cause;
 use super::receive::Next;
 use super::request::{Control, Subscribe, Update};
-use super::subscription::Subscription;
+use super::subscription::{Source, Subscription};
+use super::tiles::Protocol;
 
 /// Time between pings.
 const PING_EVERY: Duration = Duration::from_secs(15);
 
-/// Longest time that one message may take to be written.
-const PATIENCE: Duration = Duration::from_secs(60);
-
 /// Subscriptions of one client.
 const MOST_SUBSCRIPTIONS: usize = 64;
 
+/// How a client is spoken to.
+#[derive(Debug)]
+pub struct Manner<'a> {
+    /// The sub-protocol.
+    pub protocol: Protocol,
+    /// Longest time that one message may take to be written.
+    pub patience: Duration,
+    /// Set while a message is being written.
+    pub writing: &'a AtomicBool,
+}
+
 /// Speaks to a client until the stream ends.
-pub async fn send<W>(sink: &mut W, session: &Session, mut answers: mpsc::Receiver<Next>) -> Cause
+pub async fn send<W>(
+    sink: &mut W,
+    session: &Session,
+    mut answers: mpsc::Receiver<Next>,
+    manner: Manner<'_>,
+) -> Cause
 where
     W: Sink<Message, Error = axum::Error> + Unpin,
 {
@@ -37,7 +54,8 @@ where
     let mut publications = session.publications();
     let mut pings = interval_at(Instant::now() + PING_EVERY, PING_EVERY);
     pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut speaker = Speaker { sink, session, subscriptions: Vec::new() };
+    let mut speaker =
+        Speaker { sink, session, manner, encoded: session.companion(), subscriptions: Vec::new() };
     if let Err(cause) = speaker.say(answer::welcome(session)).await {
         return cause;
     }
@@ -68,12 +86,17 @@ where
 struct Speaker<'a, W> {
     sink: &'a mut W,
     session: &'a Session,
+    manner: Manner<'a>,
+    encoded: Arc<EncodedTiles>,
     subscriptions: Vec<Subscription>,
 }
 
 impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
     async fn write(&mut self, message: Message) -> Result<(), Cause> {
-        match timeout(PATIENCE, self.sink.send(message)).await {
+        self.manner.writing.store(true, Ordering::Relaxed);
+        let written = timeout(self.manner.patience, self.sink.send(message)).await;
+        self.manner.writing.store(false, Ordering::Relaxed);
+        match written {
             Ok(written) => written.map_err(Cause::from),
             Err(_) => Err(Cause::TooSlow),
         }
@@ -122,7 +145,14 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
                 ),
             }]));
         }
-        let new = Subscription::new(id, wish, self.session.spec.grid, Instant::now())?;
+        let source = Source {
+            grid: self.session.spec.grid,
+            epoch: &self.session.epoch,
+            seq: self.session.mirror().seq,
+            protocol: self.manner.protocol,
+            encoded: &self.encoded,
+        };
+        let new = Subscription::new(id, wish, source, Instant::now())?;
         match known {
             Some(place) => self.subscriptions[place] = new,
             None => self.subscriptions.push(new),
@@ -159,7 +189,7 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
             let frame = self.session.frame();
             let copied = subscription.copy(&self.session.mirror(), frame);
             for part in subscription.message(copied, now).into_iter().flatten() {
-                self.say(part).await?;
+                self.write(part).await?;
             }
         }
         Ok(())

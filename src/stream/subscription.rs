@@ -4,27 +4,31 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::body::Bytes;
 use tokio::time::Instant;
 
 use crate::session::{ColliderView, Invalid, Mirror, SessionError, Stamp, TileColumns};
 use crate::snow::{ColumnRect, Grid, TILE_SIDE};
 
-use super::request::{ColumnRegion, Subscribe};
-use super::tiles::{Head, Parts, Quantum, Sampling, meets};
+use super::cache::{EncodedTiles, Layer};
+use super::request::{ColumnRegion, Resume, Subscribe};
+use super::tiles::{Head, Parts, Protocol, Quantum, Sampling, meets};
 
 /// A client's view of a session.
 #[derive(Debug)]
 pub struct Subscription {
     id: i64,
     sampling: Sampling,
+    /// Tiles encoded as this client wants them.
+    layer: Arc<Layer>,
     /// Tiles wanted.
     view: ColumnRect,
     /// Tiles the client holds in their state at `seen`.
     held: Option<ColumnRect>,
     /// Newest seq the client has seen.
     seen: u64,
-    /// Whether everything has still to be sent, and what is said about resuming.
-    snapshot: Option<Option<bool>>,
+    /// What the first message says, until it is sent.
+    first: Option<First>,
     wants_colliders: bool,
     /// Fingerprint of the colliders the client was last told.
     told: Option<blake3::Hash>,
@@ -34,20 +38,62 @@ pub struct Subscription {
     stale: bool,
 }
 
+/// What a subscription is told at its begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum First {
+    /// Everything.
+    Snapshot,
+    /// Everything, for the state that the client named is not one that can be recovered.
+    Lost,
+    /// What has changed since the state that the client named.
+    Recovered,
+}
+
+/// Where a subscription begins.
+#[derive(Clone, Copy, Debug)]
+pub struct Source<'a> {
+    /// The session's grid.
+    pub grid: Grid,
+    /// The session's epoch.
+    pub epoch: &'a str,
+    /// Its newest published seq.
+    pub seq: u64,
+    /// How the client wants heights to be written.
+    pub protocol: Protocol,
+    /// The session's encoded tiles.
+    pub encoded: &'a EncodedTiles,
+}
+
+impl Source<'_> {
+    /// Whether what has changed since a state is known: the state is one that was published.
+    fn recovers(&self, resume: &Resume) -> bool {
+        resume.epoch == self.epoch && (1..=self.seq).contains(&resume.seq)
+    }
+}
+
 /// What was copied out of a mirror for one message.
 #[derive(Debug)]
 pub struct Copied {
     stamp: Stamp,
-    tiles: Vec<(u32, TileColumns)>,
+    /// Tiles, with their bytes where they were encoded before.
+    tiles: Vec<(u32, Option<Bytes>)>,
+    /// Version and heights of the others, in the same order.
+    fresh: Vec<(u64, TileColumns)>,
     colliders: Option<Arc<[ColliderView]>>,
 }
 
 impl Subscription {
-    /// A subscription that begins with a snapshot, at once.
+    /// A subscription that begins at once: with a snapshot, or with what its client has missed.
     ///
     /// # Errors
     /// [`SessionError::Invalid`] names each field that is out of its range.
-    pub fn new(id: i64, wish: &Subscribe, grid: Grid, now: Instant) -> Result<Self, SessionError> {
+    pub fn new(
+        id: i64,
+        wish: &Subscribe,
+        source: Source,
+        now: Instant,
+    ) -> Result<Self, SessionError> {
+        let Source { grid, protocol, encoded, .. } = source;
         let mut wrong = Vec::new();
         if ![1, 2, 4, 8].contains(&wish.stride) {
             wrong.push(invalid("/stride", format!("{} is not 1, 2, 4 or 8", wish.stride)));
@@ -61,14 +107,20 @@ impl Subscription {
         let (Ok(quantum), Ok(view), true) = (quantum, view, wrong.is_empty()) else {
             return Err(SessionError::Invalid(wrong));
         };
+        let (first, seen) = match &wish.resume {
+            None => (First::Snapshot, 0),
+            Some(resume) if source.recovers(resume) => (First::Recovered, resume.seq),
+            Some(_) => (First::Lost, 0),
+        };
         Ok(Subscription {
             id,
-            sampling: Sampling { grid, stride: wish.stride, quantum },
+            sampling: Sampling { grid, stride: wish.stride, quantum, protocol },
+            layer: encoded.layer(protocol, wish.stride, quantum),
             view,
-            held: None,
-            seen: 0,
-            // No state is recovered: a client that asks for one is told so.
-            snapshot: Some(wish.resume.as_ref().map(|_| false)),
+            // Who resumes says that it holds all of the region.
+            held: (first == First::Recovered).then_some(view),
+            seen,
+            first: Some(first),
             wants_colliders: wish.colliders,
             told: None,
             period: Duration::from_secs_f64(1.0 / wish.max_rate),
@@ -126,29 +178,55 @@ impl Subscription {
         self.seen = mirror.seq;
         self.held = Some(self.view);
         self.stale = false;
-        Copied {
-            stamp: mirror.stamp_at(frame),
-            tiles: tiles.into_iter().map(|tile| (tile, *mirror.tile(tile).0)).collect(),
-            colliders,
-        }
+        let mut fresh = Vec::new();
+        let encoded = |tile| {
+            let (heights, version) = mirror.tile(tile);
+            let bytes = self.layer.get(tile, version);
+            if bytes.is_none() {
+                fresh.push((version, *heights));
+            }
+            (tile, bytes)
+        };
+        let tiles = tiles.into_iter().map(encoded).collect();
+        Copied { stamp: mirror.stamp_at(frame), tiles, fresh, colliders }
     }
 
     /// The message about what was copied, if anything in the view has changed.
     pub fn message(&mut self, copied: Copied, now: Instant) -> Option<Parts> {
         let colliders = copied.colliders.and_then(|all| self.news_of(&all));
-        let snapshot = self.snapshot.take();
-        if snapshot.is_none() && copied.tiles.is_empty() && colliders.is_none() {
+        let first = self.first.take();
+        if first.is_none() && copied.tiles.is_empty() && colliders.is_none() {
             return None;
         }
         let on_time = self.next + self.period;
         self.next = if on_time > now { on_time } else { now + self.period };
         let head = Head {
-            op: if snapshot.is_some() { "snapshot" } else { "delta" },
+            snapshot: matches!(first, Some(First::Snapshot | First::Lost)),
             id: self.id,
             stamp: copied.stamp,
-            recovered: snapshot.flatten(),
+            recovered: match first {
+                None | Some(First::Snapshot) => None,
+                Some(First::Lost) => Some(false),
+                Some(First::Recovered) => Some(true),
+            },
         };
-        Some(Parts::new(head, self.sampling, copied.tiles, colliders))
+        let tiles = self.encode(copied.tiles, copied.fresh);
+        Some(Parts::new(head, self.sampling, tiles, colliders))
+    }
+
+    /// The bytes of all tiles, those made that are not there yet.
+    fn encode(
+        &self,
+        tiles: Vec<(u32, Option<Bytes>)>,
+        fresh: Vec<(u64, TileColumns)>,
+    ) -> Vec<(u32, Bytes)> {
+        let mut fresh = fresh.iter();
+        let mut make = |tile| {
+            let (version, heights) = fresh.next().expect("each without bytes has heights");
+            let encode = || self.sampling.encode_tile(tile, heights);
+            self.layer.get_or_encode(tile, *version, encode)
+        };
+        tiles.into_iter().map(|(tile, bytes)| (tile, bytes.unwrap_or_else(|| make(tile)))).collect()
     }
 
     /// The colliders in the view, each as JSON, where the client was last told others.

@@ -1,15 +1,46 @@
-//! Heights and colliders as JSON: rounding, tiles, and messages cut into parts. No I/O.
+//! Heights and colliders as JSON or bytes: rounding, tiles, and messages cut into parts. No I/O.
 
 use std::io::Write;
 
+use axum::body::Bytes;
+use axum::extract::ws::Message;
+
 use crate::session::{ColliderView, Invalid, Stamp, TileColumns};
-use crate::snow::{ColumnRect, Grid};
+use crate::snow::{ColumnRect, Grid, TILE_COLUMNS};
+
+use super::codec;
 
 /// Largest message to a client \[bytes\]; what is longer is sent in parts.
 pub const LARGEST_PART: usize = 1 << 20;
 
 /// Room for what ends a part: closing brackets and `more`.
 const TAIL: usize = 64;
+
+/// Most bytes of what begins a binary part, and of what stands before each of its tiles.
+const BINARY_HEAD: usize = 64;
+const BINARY_RUN: usize = 16;
+
+/// A sub-protocol: how heights are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Protocol {
+    /// `firn.v1.json`.
+    Json,
+    /// `firn.v1.bin`.
+    Binary,
+}
+
+impl Protocol {
+    /// Every sub-protocol, the most compact first: who understands several is given that.
+    pub const ALL: [Protocol; 2] = [Protocol::Binary, Protocol::Json];
+
+    /// The name that is offered and chosen at the upgrade.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Protocol::Json => "firn.v1.json",
+            Protocol::Binary => "firn.v1.bin",
+        }
+    }
+}
 
 /// The step that heights are rounded to, as the decimal number that its client wrote.
 ///
@@ -39,6 +70,11 @@ impl Quantum {
         let digits = format!("{whole}{fraction}");
         let digits = digits.parse().expect("17 digits are enough for any number");
         Ok(Quantum { metres, digits, decimals: fraction.len() })
+    }
+
+    /// The step \[m\].
+    pub fn metres(&self) -> f64 {
+        self.metres
     }
 
     /// Number of steps nearest to a height \[m\], halves rounded up: ⌊height/quantum + ½⌋.
@@ -82,11 +118,42 @@ pub struct Sampling {
     pub stride: u32,
     /// Step that heights are rounded to.
     pub quantum: Quantum,
+    /// How they are written.
+    pub protocol: Protocol,
 }
 
 impl Sampling {
-    /// Writes a tile as a JSON object: the samples of its columns inside the grid.
-    pub fn write_tile(&self, tile: u32, heights: &TileColumns, out: &mut Vec<u8>) {
+    /// A tile's bytes in the sub-protocol: the samples of its columns inside the grid.
+    pub fn encode_tile(&self, tile: u32, heights: &TileColumns) -> Vec<u8> {
+        match self.protocol {
+            Protocol::Json => {
+                let mut out = Vec::new();
+                self.write_tile(tile, heights, &mut out);
+                out
+            }
+            Protocol::Binary => self.pack_tile(tile, heights),
+        }
+    }
+
+    fn pack_tile(&self, tile: u32, heights: &TileColumns) -> Vec<u8> {
+        let rect = self.grid.tile_rect(tile);
+        let mut samples = [0; TILE_COLUMNS as usize];
+        let mut count = 0;
+        for z in (rect.z0..rect.z1).step_by(self.stride as usize) {
+            for x in (rect.x0..rect.x1).step_by(self.stride as usize) {
+                let height = heights[self.grid.locate(x, z).1 as usize];
+                let steps = self.quantum.steps(self.grid.metres(u64::from(height)));
+                samples[count] = u32::try_from(steps).unwrap_or(u32::MAX);
+                count += 1;
+            }
+        }
+        let [width, depth] =
+            [rect.x1 - rect.x0, rect.z1 - rect.z0].map(|columns| columns.div_ceil(self.stride));
+        codec::encode_tile(width, depth, self.stride, &samples[..count])
+    }
+
+    /// Writes a tile as a JSON object.
+    fn write_tile(&self, tile: u32, heights: &TileColumns, out: &mut Vec<u8>) {
         let rect = self.grid.tile_rect(tile);
         let samples = |from: u32, to: u32| (to - from).div_ceil(self.stride);
         text(
@@ -125,8 +192,8 @@ pub fn meets(collider: &ColliderView, columns: &ColumnRect, grid: &Grid) -> bool
 /// What begins every part of a message.
 #[derive(Clone, Copy, Debug)]
 pub struct Head {
-    /// `snapshot` or `delta`.
-    pub op: &'static str,
+    /// Whether it is a snapshot or a delta.
+    pub snapshot: bool,
     /// The subscription.
     pub id: i64,
     /// When this holds.
@@ -140,8 +207,8 @@ pub struct Head {
 pub struct Parts {
     head: Head,
     sampling: Sampling,
-    /// Tiles still to be written, the next one last.
-    tiles: Vec<(u32, TileColumns)>,
+    /// Tiles still to be written, each with its bytes, the next one last.
+    tiles: Vec<(u32, Bytes)>,
     /// Colliders still to be written, each as JSON, the next one last.
     colliders: Option<Vec<Vec<u8>>>,
     largest: usize,
@@ -154,7 +221,7 @@ impl Parts {
     pub fn new(
         head: Head,
         sampling: Sampling,
-        mut tiles: Vec<(u32, TileColumns)>,
+        mut tiles: Vec<(u32, Bytes)>,
         mut colliders: Option<Vec<Vec<u8>>>,
     ) -> Parts {
         tiles.reverse();
@@ -165,8 +232,9 @@ impl Parts {
     }
 
     fn write_head(&mut self, out: &mut Vec<u8>) {
-        let Head { op, id, stamp, recovered } = self.head;
+        let Head { snapshot, id, stamp, recovered } = self.head;
         let Stamp { tick, seq } = stamp;
+        let op = if snapshot { "snapshot" } else { "delta" };
         text(out, format_args!(r#"{{"op":"{op}","id":{id},"seq":{seq},"tick":{tick}"#));
         if let (true, Some(recovered)) = (self.first, recovered) {
             text(out, format_args!(r#","recovered":{recovered}"#));
@@ -177,16 +245,14 @@ impl Parts {
     fn write_tiles(&mut self, out: &mut Vec<u8>) {
         out.extend_from_slice(br#","tiles":["#);
         let begin = out.len();
-        while let Some((tile, heights)) = self.tiles.last() {
-            let end = out.len();
-            if end > begin {
+        while let Some((_, bytes)) = self.tiles.last() {
+            if out.len() > begin {
+                if out.len() + 1 + bytes.len() + TAIL > self.largest {
+                    break;
+                }
                 out.push(b',');
             }
-            self.sampling.write_tile(*tile, heights, out);
-            if end > begin && out.len() + TAIL > self.largest {
-                out.truncate(end);
-                break;
-            }
+            out.extend_from_slice(bytes);
             self.tiles.pop();
         }
         out.push(b']');
@@ -195,9 +261,12 @@ impl Parts {
     /// Writes as many colliders as there is room for. Returns whether that was all.
     fn write_colliders(&mut self, out: &mut Vec<u8>, empty: bool) -> bool {
         let Some(colliders) = &mut self.colliders else { return true };
-        let key = br#","colliders":["#;
-        let fits =
-            |out: &Vec<u8>, next: &[u8]| out.len() + key.len() + next.len() + TAIL <= self.largest;
+        let key = match self.sampling.protocol {
+            Protocol::Json => &br#","colliders":["#[..],
+            Protocol::Binary => &b"["[..],
+        };
+        let (largest, before) = (self.largest, key.len() + TAIL);
+        let fits = |out: &Vec<u8>, next: &[u8]| out.len() + before + next.len() <= largest;
         if colliders.last().is_some_and(|next| !empty && !fits(out, next)) {
             return false;
         }
@@ -216,15 +285,8 @@ impl Parts {
         out.push(b']');
         colliders.is_empty()
     }
-}
 
-impl Iterator for Parts {
-    type Item = String;
-
-    fn next(&mut self) -> Option<String> {
-        if self.done {
-            return None;
-        }
+    fn next_text(&mut self) -> Vec<u8> {
         let mut out = Vec::new();
         self.write_head(&mut out);
         let empty = self.tiles.is_empty();
@@ -234,7 +296,55 @@ impl Iterator for Parts {
             out.extend_from_slice(br#","more":true"#);
         }
         out.push(b'}');
-        Some(String::from_utf8(out).expect("only text was written"))
+        out
+    }
+
+    fn next_binary(&mut self) -> Vec<u8> {
+        let empty = self.tiles.is_empty();
+        let mut tiles = Vec::new();
+        let mut size = BINARY_HEAD;
+        while let Some((_, bytes)) = self.tiles.last() {
+            let next = size + BINARY_RUN + bytes.len();
+            if next > self.largest && !tiles.is_empty() {
+                break;
+            }
+            size = next;
+            tiles.extend(self.tiles.pop());
+        }
+        let mut colliders = vec![0; size];
+        let told = self.tiles.is_empty() && self.colliders.is_some();
+        self.done = self.tiles.is_empty() && self.write_colliders(&mut colliders, empty);
+        // Nothing was written where there was no room for the first.
+        let colliders = (told && colliders.len() > size).then(|| &colliders[size..]);
+        let Head { snapshot, id, stamp, recovered } = self.head;
+        let head = codec::Head {
+            snapshot,
+            id,
+            seq: stamp.seq,
+            tick: stamp.tick,
+            recovered: recovered.filter(|_| std::mem::take(&mut self.first)),
+            more: !self.done,
+            stride: self.sampling.stride,
+            tiles_x: self.sampling.grid.tiles_x(),
+        };
+        codec::encode(&head, &tiles, colliders)
+    }
+}
+
+impl Iterator for Parts {
+    type Item = Message;
+
+    fn next(&mut self) -> Option<Message> {
+        if self.done {
+            return None;
+        }
+        Some(match self.sampling.protocol {
+            Protocol::Json => {
+                let text = String::from_utf8(self.next_text()).expect("only text was written");
+                Message::Text(text.into())
+            }
+            Protocol::Binary => Message::Binary(self.next_binary().into()),
+        })
     }
 }
 

@@ -3,9 +3,10 @@
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::time::Duration;
 
+use firn::stream::codec::{self, HeightMessage};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
-use serde_json::Value;
+use serde_json::{Value, json};
 use tokio::net::{TcpSocket, TcpStream};
 use tokio::time::timeout;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
@@ -27,6 +28,8 @@ const LARGEST: usize = 1 << 20;
 pub struct Client {
     socket: Socket,
     views: HashMap<i64, View>,
+    /// Bytes of heights so far.
+    pub payload: usize,
     /// Answers and events that were not asked for yet.
     answers: VecDeque<Value>,
     events: VecDeque<Value>,
@@ -41,12 +44,31 @@ pub struct View {
     /// Whole messages so far.
     pub messages: usize,
     stride: u64,
+    quantum: f64,
+    /// The newest state that it was told whole.
+    pub seq: u64,
     parts: Vec<Value>,
 }
 
 impl View {
+    /// A view that was told nothing yet.
+    pub fn of(stride: u64, quantum: f64) -> View {
+        View { stride, quantum, ..View::default() }
+    }
+
     fn values(&self) -> Vec<f64> {
         self.heights.values().copied().collect()
+    }
+
+    /// Heights of some rows and columns.
+    pub fn part(&self, wanted: impl Fn(u64, u64) -> bool) -> Vec<f64> {
+        let wanted = self.heights.iter().filter(|((z, x), _)| wanted(*z, *x));
+        wanted.map(|(_, &height)| height).collect()
+    }
+
+    /// Forgets all but some rows and columns.
+    pub fn keep(&mut self, wanted: impl Fn(u64, u64) -> bool) {
+        self.heights.retain(|&(z, x), _| wanted(z, x));
     }
 
     pub fn samples_equal(&self, expected: &[f64]) -> bool {
@@ -60,6 +82,7 @@ impl View {
             return false;
         }
         self.messages += 1;
+        self.seq = part["seq"].as_u64().unwrap();
         for whole in std::mem::take(&mut self.parts) {
             for field in ["op", "seq", "tick"] {
                 assert_eq!(whole[field], part[field], "all parts are of one state");
@@ -84,8 +107,41 @@ impl View {
     }
 }
 
+/// A binary message, as it would be told as text.
+fn as_text(message: &HeightMessage, quantum: f64) -> Value {
+    let per_metre = (1.0 / quantum).round();
+    let tiles: Vec<_> = message
+        .tiles()
+        .map(|(column_x, column_z, tile)| {
+            let heights: Vec<f64> =
+                tile.heights.iter().map(|&steps| f64::from(steps) / per_metre).collect();
+            json!({"column_x": column_x, "column_z": column_z, "width": tile.width,
+                   "depth": tile.depth, "heights": heights})
+        })
+        .collect();
+    let head = &message.head;
+    let mut text = json!({
+        "op": if head.snapshot { "snapshot" } else { "delta" },
+        "id": head.id, "seq": head.seq, "tick": head.tick, "tiles": tiles,
+    });
+    if head.more {
+        text["more"] = json!(true);
+    }
+    if let Some(recovered) = head.recovered {
+        text["recovered"] = json!(recovered);
+    }
+    if let Some(colliders) = &message.colliders {
+        text["colliders"] = serde_json::from_str(colliders).unwrap();
+    }
+    text
+}
+
 fn request(server: &Server, session: &str, offered: &str) -> Request<()> {
-    let url = format!("{}{session}/stream", server.url.replace("http://", "ws://"));
+    request_to(&server.url, session, offered)
+}
+
+fn request_to(server: &str, session: &str, offered: &str) -> Request<()> {
+    let url = format!("{}{session}/stream", server.replace("http://", "ws://"));
     let mut request = url.into_client_request().unwrap();
     if !offered.is_empty() {
         request.headers_mut().insert("sec-websocket-protocol", offered.parse().unwrap());
@@ -116,7 +172,13 @@ pub async fn refused(server: &Server, session: &str, offered: &str) -> (u16, Val
 impl Client {
     /// Opens a stream, and reads its welcome.
     pub async fn open(server: &Server, session: &str) -> Client {
-        let (mut client, _) = connect(server, session, "firn.v1.json").await;
+        Client::open_as(server, session, "firn.v1.json").await
+    }
+
+    /// As [`Client::open`], with a sub-protocol.
+    pub async fn open_as(server: &Server, session: &str, protocol: &str) -> Client {
+        let (mut client, chosen) = connect(server, session, protocol).await;
+        assert_eq!(chosen, protocol);
         assert_eq!(client.next().await["op"], "welcome");
         client
     }
@@ -135,7 +197,7 @@ impl Client {
 
     fn new(socket: Socket) -> Client {
         let (answers, events) = (VecDeque::new(), VecDeque::new());
-        Client { socket, views: HashMap::new(), answers, events }
+        Client { socket, views: HashMap::new(), payload: 0, answers, events }
     }
 
     pub fn split(self) -> (SplitSink<Socket, Message>, SplitStream<Socket>) {
@@ -149,7 +211,8 @@ impl Client {
     pub async fn send(&mut self, request: Value) {
         if request["op"] == "subscribe" {
             let stride = request["stride"].as_u64().unwrap_or(1);
-            let view = View { stride, ..View::default() };
+            let quantum = request["quantum"].as_f64().unwrap_or(0.001);
+            let view = View::of(stride, quantum);
             self.views.insert(request["id"].as_i64().unwrap(), view);
         }
         self.send_raw(Message::text(request.to_string())).await;
@@ -170,27 +233,84 @@ impl Client {
 
     /// The next message, whatever it is.
     pub async fn next(&mut self) -> Value {
+        self.try_next().await.unwrap_or_else(|end| panic!("the stream ended: {end}"))
+    }
+
+    /// The next message, or why there is none.
+    pub async fn try_next(&mut self) -> Result<Value, String> {
         match self.message().await {
             Some(Ok(Message::Text(text))) => {
                 assert!(text.len() <= LARGEST, "{} bytes", text.len());
-                serde_json::from_str(&text).unwrap()
+                Ok(serde_json::from_str(&text).unwrap())
             }
-            other => panic!("the stream ended: {other:?}"),
+            Some(Ok(Message::Binary(bytes))) => {
+                assert!(bytes.len() <= LARGEST, "{} bytes", bytes.len());
+                self.payload += bytes.len();
+                let message = codec::decode(&bytes).unwrap();
+                Ok(as_text(&message, self.views[&message.head.id].quantum))
+            }
+            other => Err(format!("{other:?}")),
         }
     }
 
-    /// Takes in the next message. Returns it where a subscription's message is complete with it.
-    async fn take(&mut self) -> Option<Value> {
-        let message = self.next().await;
+    /// Takes in the next message, or says why there is none. Returns it where a subscription's
+    /// message is complete with it.
+    pub async fn try_take(&mut self) -> Result<Option<Value>, String> {
+        let message = self.try_next().await?;
         match message["op"].as_str().unwrap() {
             "snapshot" | "delta" => {
                 let view = self.views.get_mut(&message["id"].as_i64().unwrap()).unwrap();
-                return view.take(&message).then_some(message);
+                return Ok(view.take(&message).then_some(message));
             }
             "event" => self.events.push_back(message),
             _ => self.answers.push_back(message),
         }
-        None
+        Ok(None)
+    }
+
+    /// Opens a stream through somebody in between, if that lets it.
+    pub async fn try_open(between: &str, session: &str, protocol: &str) -> Option<Client> {
+        let request = request_to(between, session, protocol);
+        let opening = async {
+            let mut client = Client::new(connect_async(request).await.ok()?.0);
+            (client.try_next().await.ok()?["op"] == "welcome").then_some(client)
+        };
+        timeout(PATIENCE / 6, opening).await.ok().flatten()
+    }
+
+    /// Sends a request, if the stream still takes it.
+    pub async fn try_send(&mut self, request: &Value) -> bool {
+        self.socket.send(Message::text(request.to_string())).await.is_ok()
+    }
+
+    /// Takes over what another client was told.
+    pub fn inherit(&mut self, id: i64, view: View) {
+        self.views.insert(id, View { parts: Vec::new(), ..view });
+    }
+
+    /// What a subscription was told.
+    pub fn view(&mut self, id: i64) -> &mut View {
+        self.views.get_mut(&id).unwrap()
+    }
+
+    /// An answer that has come already.
+    pub fn pop_answer(&mut self) -> Option<Value> {
+        self.answers.pop_front()
+    }
+
+    /// What a subscription was told, to be inherited.
+    pub fn bequeath(&mut self, id: i64) -> View {
+        self.views.remove(&id).unwrap()
+    }
+
+    /// Ends without a word.
+    pub fn cut(self) {
+        drop(self.socket);
+    }
+
+    /// Takes in the next message. Returns it where a subscription's message is complete with it.
+    async fn take(&mut self) -> Option<Value> {
+        self.try_take().await.unwrap_or_else(|end| panic!("the stream ended: {end}"))
     }
 
     /// The next ack, error or pong.

@@ -2,9 +2,12 @@
 
 mod changes;
 mod client;
+mod faults;
 mod heights;
+mod limits;
 #[path = "../support/mod.rs"]
 mod support;
+mod vectors;
 
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
@@ -40,9 +43,15 @@ async fn a_stream_begins_with_a_welcome(backend: BackendChoice) {
     let server = Server::start(backend).await;
     let session = server.create(small()).await;
     let view = server.get(&session).await.expect(200);
-    for offered in ["", "firn.v1.json", "firn.v9.json, firn.v1.json"] {
+    for (offered, expected) in [
+        ("", ""),
+        ("firn.v1.json", "firn.v1.json"),
+        ("firn.v1.bin", "firn.v1.bin"),
+        ("firn.v9.json, firn.v1.json", "firn.v1.json"),
+        ("firn.v1.json, firn.v1.bin", "firn.v1.bin"),
+    ] {
         let (mut client, chosen) = connect(&server, &session, offered).await;
-        assert_eq!(chosen, if offered.is_empty() { "" } else { "firn.v1.json" });
+        assert_eq!(chosen, expected);
         let welcome = client.next().await;
         assert_eq!(welcome["op"], "welcome");
         assert_eq!(welcome["session"], view["id"]);
@@ -60,7 +69,7 @@ async fn a_stream_begins_with_a_welcome(backend: BackendChoice) {
 async fn what_can_not_be_streamed_is_refused_before_the_upgrade(backend: BackendChoice) {
     let server = Server::start(backend).await;
     let session = server.create(small()).await;
-    for offered in ["firn.v1.bin", "graphql-ws, soap"] {
+    for offered in ["firn.v2.bin", "graphql-ws, soap"] {
         let (status, problem) = refused(&server, &session, offered).await;
         assert_eq!((status, &problem["status"]), (400, &json!(400)), "{offered}");
         assert!(problem["detail"].as_str().unwrap().contains("firn.v1.json"), "{problem}");

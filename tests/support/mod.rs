@@ -6,7 +6,7 @@
 use std::time::Duration;
 
 use firn::cli::open_backend;
-use firn::config::{BackendChoice, EngineConfig, RequestConfig};
+use firn::config::{BackendChoice, EngineConfig, RequestConfig, StreamConfig};
 use firn::http::App;
 use firn::session::{Limits, Sessions, World, WorldConfig};
 use reqwest::header::{ACCEPT, CONTENT_TYPE, HeaderMap};
@@ -54,6 +54,7 @@ pub fn skips_gpu() -> bool {
 pub struct Options {
     pub limits: Limits,
     pub requests: RequestConfig,
+    pub stream: StreamConfig,
     pub device_memory: Option<u64>,
 }
 
@@ -70,6 +71,7 @@ impl Default for Options {
                 max_body_bytes: 1 << 20,
                 request_timeout: Duration::from_secs(60),
             },
+            stream: StreamConfig::default(),
             device_memory: None,
         }
     }
@@ -81,6 +83,8 @@ pub struct Server {
     pub url: String,
     /// The same sessions that the server serves.
     pub sessions: Sessions,
+    /// The state of the server.
+    pub app: App,
     shutdown: CancellationToken,
     serving: Option<JoinHandle<std::io::Result<()>>>,
     world: Option<World>,
@@ -162,11 +166,12 @@ impl Server {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port is free");
         let url = format!("http://{}", listener.local_addr().expect("it has an address"));
         let shutdown = CancellationToken::new();
-        let app = App::new(sessions.clone(), options.requests);
-        let serving = tokio::spawn(firn::http::run(listener, app, shutdown.clone()));
+        let app = App { stream: options.stream, ..App::new(sessions.clone(), options.requests) };
+        let serving = tokio::spawn(firn::http::run(listener, app.clone(), shutdown.clone()));
         Server {
             url,
             sessions,
+            app,
             shutdown,
             serving: Some(serving),
             world: Some(world),

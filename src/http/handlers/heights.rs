@@ -1,29 +1,33 @@
 //! Snow depths of many columns.
 
-use std::sync::Arc;
+mod encode;
+mod window;
 
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
 use crate::http::accept;
 use crate::http::docs::{ParameterProblems, SessionPath, SessionProblems};
+use crate::http::etag;
 use crate::http::extract::{FromQuery, Query, Segments};
 use crate::http::query::Params;
 use crate::http::state::App;
-use crate::problem::{FieldError, Problem};
-use crate::session::{Mirror, Session, Stamp};
-use crate::snow::{Grid, TILE_SIDE};
+use crate::problem::Problem;
+use crate::session::{Session, Stamp};
 
+use self::window::Window;
 use super::{off_thread, stamp_headers};
 
 const JSON: &str = "application/json";
-const BINARY: &str = "application/octet-stream";
+const FLOATS: &str = "application/octet-stream";
+const PNG: &str = "image/png";
+const NPY: &str = "application/x-npy";
 
-/// Most samples of one answer.
-const MOST_SAMPLES: u64 = 1 << 24;
+/// What heights exist as; the first is the default.
+const MEDIA_TYPES: [&str; 4] = [JSON, FLOATS, PNG, NPY];
 
 /// Samples beyond which an answer is made off the threads that serve requests.
 const MANY_SAMPLES: u64 = 1 << 14;
@@ -104,24 +108,59 @@ pub struct Origin {
 #[expect(dead_code, reason = "it only describes the answer")]
 pub struct Floats(Vec<u8>);
 
+/// A 16-bit grey image, one pixel per sample: metres = grey · `Firn-Height-Scale` +
+/// `Firn-Height-Offset`. Both are the same for all images of a session's snow, and of its surface.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+#[expect(dead_code, reason = "it only describes the answer")]
+pub struct GreyImage(Vec<u8>);
+
+/// A NumPy array file (version 1.0): 32-bit floats, little-endian, C order, shape (depth, width).
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+#[expect(dead_code, reason = "it only describes the answer")]
+pub struct NumpyArray(Vec<u8>);
+
+/// What a client may hold already.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "it only describes the parameter")]
+pub struct Held {
+    /// ETags of what the client holds, or `*`; compared weakly.
+    #[param(rename = "If-None-Match")]
+    if_none_match: Option<String>,
+}
+
 /// Read snow depths
 ///
-/// Of all columns, or of a region, or of every second, fourth or eighth column. By `Accept` as JSON
-/// or as 32-bit floats, little-endian.
+/// Of all columns, or of a region, or of every second, fourth or eighth column. By `Accept` as JSON,
+/// as 32-bit floats, as a grey image, or as a NumPy array. The `ETag` changes with the region's
+/// snow, so that asking again with `If-None-Match` costs next to nothing while it rests.
 #[utoipa::path(
     get,
     path = "/v1/sessions/{id}/heights",
     operation_id = "get_heights",
     tag = "snow",
-    params(SessionPath, HeightsQuery),
+    params(SessionPath, HeightsQuery, Held),
     responses(
         (status = 200, description = "Snow depths in metres, row by row",
-            content((HeightsView = "application/json"), (Floats = "application/octet-stream")),
+            content((HeightsView = "application/json"), (Floats = "application/octet-stream"),
+                (GreyImage = "image/png"), (NumpyArray = "application/x-npy")),
             headers(
                 ("Firn-Tick" = u64, description = "Tick at which they hold"),
-                ("Firn-Seq" = u64, description = "Seq at which they hold")
+                ("Firn-Seq" = u64, description = "Seq at which they hold"),
+                ("Firn-Height-Scale" = f64, description = "Metres per step of grey (PNG only)"),
+                ("Firn-Height-Offset" = f64, description = "Metres at grey 0 (PNG only)"),
+                ("ETag" = String, description = "Weak: names the state of the region's tiles and \
+                    the representation")
             )),
-        (status = 406, description = "The client accepts neither media type", body = Problem,
+        (status = 304, description = "The client holds them already",
+            headers(
+                ("Firn-Tick" = u64, description = "Tick at which they hold"),
+                ("Firn-Seq" = u64, description = "Seq at which they hold"),
+                ("ETag" = String, description = "As of the whole answer")
+            )),
+        (status = 406, description = "The client accepts none of the media types", body = Problem,
             content_type = "application/problem+json"),
         (status = 413, description = "The answer would have more than 2²⁴ samples",
             body = Problem, content_type = "application/problem+json"),
@@ -136,131 +175,93 @@ pub async fn get(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let session = app.sessions.get(&id)?;
-    let media_type = accept::choose(&headers, &[JSON, BINARY])
-        .ok_or_else(|| Problem::not_acceptable(format!("heights exist as {JSON} and {BINARY}")))?;
+    let media_type = accept::choose(&headers, &MEDIA_TYPES).ok_or_else(|| {
+        Problem::not_acceptable(format!("heights exist as {}", MEDIA_TYPES.join(", ")))
+    })?;
     let window = Window::new(&query, &session.spec.grid)?;
-    let surface = query.surface.unwrap_or(false);
-    if window.samples() <= MANY_SAMPLES {
-        return Ok(answer(&session, &window, surface, media_type));
-    }
-    off_thread(move || answer(&session, &window, surface, media_type)).await
-}
-
-/// The columns to be read, inside the grid.
-#[derive(Debug, PartialEq)]
-struct Window {
-    origin: Origin,
-    width: u32,
-    depth: u32,
-    stride: u32,
-}
-
-impl Window {
-    fn new(query: &HeightsQuery, grid: &Grid) -> Result<Window, Problem> {
-        let stride = query.stride.unwrap_or(1);
-        let mut errors = Vec::new();
-        let mut span = |first: (&str, Option<u32>), count: (&str, Option<u32>), columns: u32| {
-            let start = first.1.unwrap_or(0);
-            if start >= columns {
-                let detail = format!("{start} is outside the grid's columns 0 to {}", columns - 1);
-                errors.push(FieldError { pointer: first.0.to_owned(), detail });
-                return (start, 0);
-            }
-            let most = (columns - start).div_ceil(stride);
-            let samples = count.1.unwrap_or(most);
-            if samples > most {
-                let detail = format!(
-                    "{samples} samples from column {start} on reach beyond the grid; \
-                     at most {most} fit"
-                );
-                errors.push(FieldError { pointer: count.0.to_owned(), detail });
-            }
-            (start, samples)
+    let read = Read { window, surface: query.surface.unwrap_or(false), media_type };
+    if headers.contains_key(header::IF_NONE_MATCH) {
+        let (stamp, tag) = {
+            let mirror = session.mirror();
+            (mirror.stamp_at(session.frame()), read.tag(&session, read.window.version(&mirror)))
         };
-        let (x, width) = span(("column_x", query.column_x), ("width", query.width), grid.width);
-        let (z, depth) = span(("column_z", query.column_z), ("depth", query.depth), grid.depth);
-        if !errors.is_empty() {
-            return Err(Problem::invalid(errors));
+        if etag::is_held(&headers, &tag) {
+            return Ok(
+                (StatusCode::NOT_MODIFIED, stamp_headers(stamp), validators(tag)).into_response()
+            );
         }
-        let window = Window { origin: Origin { column_x: x, column_z: z }, width, depth, stride };
-        if window.samples() > MOST_SAMPLES {
-            return Err(Problem::too_large(format!(
-                "the answer would have {} samples, more than {MOST_SAMPLES}; \
-                 ask for a part of them, or for a greater stride",
-                window.samples()
-            )));
+    }
+    if read.window.samples() <= MANY_SAMPLES {
+        return read.answer(&session);
+    }
+    off_thread(move || read.answer(&session)).await?
+}
+
+/// What a client reads, and as what.
+struct Read {
+    window: Window,
+    surface: bool,
+    media_type: &'static str,
+}
+
+impl Read {
+    /// The weak ETag of the answer while `version` is the newest of its tiles.
+    fn tag(&self, session: &Session, version: u64) -> String {
+        let Window { origin: Origin { column_x, column_z }, width, depth, stride } = self.window;
+        let media = match self.media_type {
+            FLOATS => 'f',
+            PNG => 'p',
+            NPY => 'n',
+            _ => 'j',
+        };
+        let ground = if self.surface { "s" } else { "" };
+        let epoch = &session.epoch;
+        format!(
+            "W/\"{epoch}-{version}-{column_x}.{column_z}.{width}.{depth}.{stride}{media}{ground}\""
+        )
+    }
+
+    fn answer(&self, session: &Session) -> Result<Response, Problem> {
+        let grid = session.spec.grid;
+        let (stamp, version, quanta) = {
+            let mirror = session.mirror();
+            let version = self.window.version(&mirror);
+            (mirror.stamp_at(session.frame()), version, self.window.copy(&mirror))
+        };
+        let mut heights: Vec<f64> = quanta.iter().map(|&q| grid.metres(u64::from(q))).collect();
+        let terrain = session.spec.terrain.as_ref().filter(|_| self.surface);
+        if let Some(terrain) = terrain {
+            let ground = self.window.ground(&terrain.heights, &grid);
+            heights.iter_mut().zip(ground).for_each(|(height, ground)| *height += ground);
         }
-        Ok(window)
-    }
-
-    fn samples(&self) -> u64 {
-        u64::from(self.width) * u64::from(self.depth)
-    }
-
-    /// The sampled columns of each row, row by row.
-    fn rows(&self) -> impl Iterator<Item = u32> + use<> {
-        let first = self.origin.column_z;
-        let stride = self.stride;
-        (0..self.depth).map(move |row| first + row * stride)
-    }
-
-    /// Copies the sampled heights, in thickness quanta.
-    fn copy(&self, mirror: &Mirror) -> Vec<u32> {
-        let mut heights = Vec::with_capacity(self.samples() as usize);
-        let first = self.origin.column_x;
-        let end = first + (self.width - 1) * self.stride + 1;
-        for z in self.rows() {
-            let mut x = first;
-            // Columns of one row lie side by side as far as their tile reaches.
-            while x < end {
-                let (tile, column) = mirror.grid.locate(x, z);
-                let stop = (x / TILE_SIDE + 1).saturating_mul(TILE_SIDE).min(end);
-                let run = &mirror.tile(tile).0[column as usize..(column + stop - x) as usize];
-                heights.extend(run.iter().step_by(self.stride as usize));
-                x += (stop - x).next_multiple_of(self.stride);
+        let headers = (stamp_headers(stamp), validators(self.tag(session, version)));
+        let kind = [(header::CONTENT_TYPE, HeaderValue::from_static(self.media_type))];
+        let (width, depth) = (self.window.width, self.window.depth);
+        Ok(match self.media_type {
+            FLOATS => (headers, kind, encode::floats(&heights)).into_response(),
+            NPY => (headers, kind, encode::npy(&heights, width, depth)).into_response(),
+            PNG => {
+                let grey = encode::Grey::new(&grid, terrain);
+                let image = encode::png(&heights, width, depth, grey)
+                    .map_err(|_| Problem::internal("the image can't be written"))?;
+                (headers, kind, grey.headers(), image).into_response()
             }
-        }
-        heights
-    }
-
-    /// Elevations of the ground under the samples, as they were given \[m\].
-    fn ground<'a>(&self, terrain: &'a [f64], grid: &Grid) -> impl Iterator<Item = f64> + use<'a> {
-        let (first, stride, width) = (self.origin.column_x, self.stride, self.width);
-        let columns = u64::from(grid.width);
-        self.rows().flat_map(move |z| {
-            (0..width).map(move |i| {
-                let index = u64::from(z) * columns + u64::from(first + i * stride);
-                terrain[index as usize]
-            })
+            _ => (headers, axum::Json(self.view(stamp, grid.cell_size, heights))).into_response(),
         })
     }
+
+    fn view(&self, stamp: Stamp, cell_size: f64, heights: Vec<f64>) -> HeightsView {
+        let Window { origin, width, depth, stride } = self.window;
+        HeightsView { stamp, origin, width, depth, stride, cell_size, heights }
+    }
 }
 
-fn answer(session: &Arc<Session>, window: &Window, surface: bool, media_type: &str) -> Response {
-    let grid = session.spec.grid;
-    let (stamp, quanta) = {
-        let mirror = session.mirror();
-        (mirror.stamp_at(session.frame()), window.copy(&mirror))
-    };
-    let mut heights: Vec<f64> = quanta.iter().map(|&q| grid.metres(u64::from(q))).collect();
-    if let Some(terrain) = session.spec.terrain.as_ref().filter(|_| surface) {
-        let ground = window.ground(&terrain.heights, &grid);
-        heights.iter_mut().zip(ground).for_each(|(height, ground)| *height += ground);
-    }
-    let headers = stamp_headers(stamp);
-    let vary = [(header::VARY, HeaderValue::from_static("accept"))];
-    if media_type == BINARY {
-        let bytes: Vec<u8> = heights.iter().flat_map(|&h| (h as f32).to_le_bytes()).collect();
-        return (headers, vary, [(header::CONTENT_TYPE, BINARY)], bytes).into_response();
-    }
-    let view = HeightsView {
-        stamp,
-        origin: window.origin,
-        width: window.width,
-        depth: window.depth,
-        stride: window.stride,
-        cell_size: grid.cell_size,
-        heights,
-    };
-    (headers, vary, axum::Json(view)).into_response()
+/// The headers by which a client may ask for it again. Nothing says how long heights hold, so a
+/// cache asks every time.
+fn validators(tag: String) -> [(HeaderName, HeaderValue); 3] {
+    [
+        (header::ETAG, HeaderValue::try_from(tag).expect("an epoch is ASCII")),
+        (header::VARY, HeaderValue::from_static("accept")),
+        (header::CACHE_CONTROL, HeaderValue::from_static("no-cache")),
+    ]
 }

@@ -44,6 +44,12 @@ fn air(id: usize) -> Result<Message, axum::Error> {
     text(format!(r#"{{"op":"air_temperature","id":{id},"celsius":-{id}}}"#))
 }
 
+/// Bounds that nothing here reaches.
+fn free() -> Bounds<'static> {
+    static IDLE: AtomicBool = AtomicBool::new(false);
+    Bounds { rate: CommandRate::new(1_000_000, Instant::now()), writing: &IDLE }
+}
+
 /// Messages, and after them nothing.
 fn waiting(
     messages: Vec<Result<Message, axum::Error>>,
@@ -61,7 +67,7 @@ async fn changes_are_begun_and_answered_in_order_whatever_the_order_of_their_end
     let desk = Desk::default();
     let messages = waiting((0..300).map(air).collect());
     let (send, mut answers) = mpsc::channel(4);
-    let listening = receive(messages, send, |change| desk.apply(change));
+    let listening = receive(messages, send, |change| desk.apply(change), free());
     let watching = async {
         while desk.begun().len() < 300 {
             tokio::task::yield_now().await;
@@ -83,7 +89,7 @@ async fn no_more_is_read_than_may_be_under_way() {
     let desk = Desk::default();
     let messages = waiting((0..PIPELINE + 10).map(air).collect());
     let (send, mut answers) = mpsc::channel(1);
-    let listening = receive(messages, send, |change| desk.apply(change));
+    let listening = receive(messages, send, |change| desk.apply(change), free());
     let watching = async {
         for _ in 0..4 * PIPELINE {
             tokio::task::yield_now().await;
@@ -118,7 +124,7 @@ async fn what_cannot_be_read_is_answered_in_its_turn() {
         text(r#"{"op":"ping","id":4}"#.to_owned()),
     ]);
     let (send, mut answers) = mpsc::channel(8);
-    let listening = receive(messages, send, |change| desk.apply(change));
+    let listening = receive(messages, send, |change| desk.apply(change), free());
     let watching = async {
         while desk.begun().is_empty() {
             tokio::task::yield_now().await;
@@ -148,7 +154,7 @@ async fn a_client_is_given_up_after_a_minute_of_silence() {
     });
     let (send, _answers) = mpsc::channel(1);
     let begin = Instant::now();
-    let cause = receive(Box::pin(pongs), send, |change| desk.apply(change)).await;
+    let cause = receive(Box::pin(pongs), send, |change| desk.apply(change), free()).await;
     assert_eq!((cause, begin.elapsed().as_secs()), (Cause::Silent, 3 * 50 + 60));
 }
 
@@ -162,7 +168,37 @@ async fn the_end_of_the_messages_says_why() {
     for (messages, expected) in ends {
         let desk = Desk::default();
         let (send, _answers) = mpsc::channel(1);
-        let cause = receive(stream::iter(messages), send, |change| desk.apply(change)).await;
+        let cause =
+            receive(stream::iter(messages), send, |change| desk.apply(change), free()).await;
         assert_eq!(cause, expected);
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn nobody_is_called_silent_while_a_message_to_it_is_being_written() {
+    let desk = Desk::default();
+    let writing = AtomicBool::new(true);
+    let (send, _answers) = mpsc::channel(1);
+    let bounds = Bounds { writing: &writing, ..free() };
+    let begin = Instant::now();
+    let listening = receive(waiting(vec![]), send, |change| desk.apply(change), bounds);
+    let written = async {
+        tokio::time::sleep(Duration::from_secs(70)).await;
+        writing.store(false, Ordering::Relaxed);
+    };
+    let (cause, ()) = tokio::join!(listening, written);
+    assert_eq!((cause, begin.elapsed().as_secs()), (Cause::Silent, 120));
+}
+
+#[tokio::test(start_paused = true)]
+async fn more_commands_than_are_taken_end_the_stream() {
+    let desk = Desk::default();
+    let bounds = Bounds { rate: CommandRate::new(5, Instant::now()), ..free() };
+    let pings = (0..6).map(|id| text(format!(r#"{{"op":"ping","id":{id}}}"#))).collect();
+    let (send, mut answers) = mpsc::channel(8);
+    let cause = receive(waiting(pings), send, |change| desk.apply(change), bounds).await;
+    assert_eq!(cause, Cause::TooManyCommands);
+    while let Some(next) = answers.recv().await {
+        assert!(matches!(next, Next::Control(Control::Ping(Some(0..5)))), "{next:?}");
     }
 }

@@ -33,15 +33,27 @@ fn region(column_x: i64, column_z: i64, width: u64, depth: u64) -> Option<Column
 }
 
 fn subscription(wish: &Subscribe) -> Subscription {
-    Subscription::new(1, wish, mirror().grid, Instant::now()).unwrap()
+    begin(wish, Instant::now()).unwrap()
+}
+
+fn begin(wish: &Subscribe, now: Instant) -> Result<Subscription, SessionError> {
+    let encoded = EncodedTiles::default();
+    let source = Source {
+        grid: mirror().grid,
+        epoch: "e",
+        seq: 5,
+        protocol: Protocol::Json,
+        encoded: &encoded,
+    };
+    Subscription::new(1, wish, source, now)
 }
 
 /// The next message, as one JSON value.
 fn message(subscription: &mut Subscription, mirror: &Mirror) -> Option<Value> {
     let copied = subscription.copy(mirror, 0);
-    let parts: Vec<String> = subscription.message(copied, Instant::now())?.collect();
+    let parts: Vec<_> = subscription.message(copied, Instant::now())?.collect();
     assert_eq!(parts.len(), 1);
-    Some(serde_json::from_str(&parts[0]).unwrap())
+    Some(serde_json::from_str(parts[0].to_text().unwrap()).unwrap())
 }
 
 /// Corners of a message's tiles.
@@ -140,20 +152,59 @@ fn colliders_are_told_whole_and_only_when_those_in_view_changed() {
     assert_eq!(message(&mut near, &mirror), None);
 }
 
+fn resuming(epoch: &str, seq: u64) -> Subscription {
+    let resume = Some(Resume { epoch: epoch.to_owned(), seq });
+    subscription(&Subscribe { resume, colliders: true, ..Subscribe::default() })
+}
+
 #[test]
-fn a_client_that_asks_to_resume_is_told_that_it_gets_everything() {
-    let resume = Some(super::super::request::Resume { epoch: "e".to_owned(), seq: 1 });
-    let mut resumed = subscription(&Subscribe { resume, ..Subscribe::default() });
-    let snapshot = message(&mut resumed, &mirror()).unwrap();
-    assert_eq!((&snapshot["op"], &snapshot["recovered"]), (&json!("snapshot"), &json!(false)));
-    assert_eq!(tiles(&snapshot).len(), 6);
+fn a_state_that_was_not_published_is_not_recovered() {
+    for (epoch, seq) in [("e", 6), ("e", 0), ("e", u64::MAX), ("f", 3), ("", 1)] {
+        let snapshot = message(&mut resuming(epoch, seq), &mirror()).unwrap();
+        assert_eq!((&snapshot["op"], &snapshot["recovered"]), (&json!("snapshot"), &json!(false)));
+        assert_eq!(tiles(&snapshot).len(), 6, "{epoch} {seq}");
+        assert_eq!(snapshot["colliders"], json!([]));
+    }
+}
+
+#[test]
+fn who_resumes_gets_exactly_what_has_changed_since() {
+    let mut mirror = mirror();
+    for (tile, seq) in [(2, 2), (4, 4), (1, 5)] {
+        mirror.change(tile, seq);
+    }
+    for (seen, missed) in [
+        (1, vec![(8, 0), (16, 0), (8, 8)]),
+        (2, vec![(8, 0), (8, 8)]),
+        (4, vec![(8, 0)]),
+        (5, vec![]),
+    ] {
+        let mut resumed = resuming("e", seen);
+        let delta = message(&mut resumed, &mirror).unwrap();
+        assert_eq!((&delta["op"], &delta["recovered"]), (&json!("delta"), &json!(true)));
+        assert_eq!((tiles(&delta), &delta["seq"]), (missed, &json!(5)), "from {seen}");
+        assert_eq!(delta["colliders"], json!([]));
+        assert_eq!(message(&mut resumed, &mirror), None);
+    }
+}
+
+#[test]
+fn a_view_that_moves_before_it_has_resumed_is_sent_what_came_into_it() {
+    let mut mirror = mirror();
+    mirror.change(0, 3);
+    let resume = Some(Resume { epoch: "e".to_owned(), seq: 2 });
+    let wish = Subscribe { region: region(0, 0, 16, 8), resume, ..Subscribe::default() };
+    let mut moved = subscription(&wish);
+    moved.move_to(region(0, 0, 20, 8)).unwrap();
+    let delta = message(&mut moved, &mirror).unwrap();
+    assert_eq!((tiles(&delta), &delta["recovered"]), (vec![(0, 0), (16, 0)], &json!(true)));
 }
 
 #[test]
 fn messages_keep_their_distance_and_their_rate() {
     let start = Instant::now();
     let wish = Subscribe { max_rate: 10.0, colliders: true, ..Subscribe::default() };
-    let mut paced = Subscription::new(1, &wish, mirror().grid, start).unwrap();
+    let mut paced = begin(&wish, start).unwrap();
     let mut mirror = mirror();
     let period = Duration::from_millis(100);
     let mut send = |paced: &mut Subscription, now: Instant| {
@@ -184,16 +235,14 @@ fn invalid_wishes_name_every_field() {
         quantum: 0.0,
         ..Subscribe::default()
     };
-    let Err(SessionError::Invalid(wrong)) =
-        Subscription::new(1, &wish, mirror().grid, Instant::now())
-    else {
+    let Err(SessionError::Invalid(wrong)) = begin(&wish, Instant::now()) else {
         panic!("accepted");
     };
     let pointers: Vec<&str> = wrong.iter().map(|error| error.pointer.as_str()).collect();
     assert_eq!(pointers, ["/stride", "/max_rate", "/quantum", "/region/width"]);
     for beyond in [region(20, 0, 1, 1), region(-5, 0, 5, 1), region(0, i64::MAX, 1, u64::MAX)] {
         let wish = Subscribe { region: beyond, ..Subscribe::default() };
-        let result = Subscription::new(1, &wish, mirror().grid, Instant::now());
+        let result = begin(&wish, Instant::now());
         assert!(matches!(result, Err(SessionError::Invalid(_))), "{beyond:?}");
     }
 }

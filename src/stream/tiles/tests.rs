@@ -12,11 +12,12 @@ fn written(quantum: f64, steps: u64) -> String {
 
 fn sampling(width: u32, depth: u32, stride: u32) -> Sampling {
     let grid = Grid { width, depth, height: 50, cell_size: 0.2 };
-    Sampling { grid, stride, quantum: Quantum::new(0.001).unwrap() }
+    let quantum = Quantum::new(0.001).unwrap();
+    Sampling { grid, stride, quantum, protocol: Protocol::Json }
 }
 
 fn head(recovered: Option<bool>) -> Head {
-    Head { op: "snapshot", id: -4, stamp: Stamp { tick: 5, seq: 6 }, recovered }
+    Head { snapshot: true, id: -4, stamp: Stamp { tick: 5, seq: 6 }, recovered }
 }
 
 /// Columns of heights that all differ: `first`, then one cell more for each column.
@@ -120,19 +121,104 @@ fn parts(parts: Parts) -> Vec<Value> {
     let largest = parts.largest;
     parts
         .map(|part| {
+            let Message::Text(part) = part else { panic!("{part:?}") };
             assert!(part.len() <= largest, "{} bytes", part.len());
             serde_json::from_str(&part).unwrap()
         })
         .collect()
 }
 
+/// Nine tiles whose heights all differ.
+fn nine(sampling: &Sampling) -> Vec<(u32, Bytes)> {
+    (0..9).map(|tile| (tile, sampling.encode_tile(tile, &columns(tile)).into())).collect()
+}
+
+fn long_colliders() -> Vec<Vec<u8>> {
+    (0..40).map(|i| format!(r#"{{"id":"{i:0100}"}}"#).into_bytes()).collect()
+}
+
+#[test]
+fn a_long_binary_message_is_cut_and_loses_nothing() {
+    let sampling = Sampling { protocol: Protocol::Binary, ..sampling(24, 24, 1) };
+    let colliders = long_colliders();
+    let mut cut = Parts::new(head(Some(true)), sampling, nine(&sampling), Some(colliders.clone()));
+    cut.largest = 500;
+    let mut messages = Vec::new();
+    for part in cut {
+        let Message::Binary(part) = part else { panic!("{part:?}") };
+        assert!(part.len() <= 500, "{} bytes", part.len());
+        messages.push(codec::decode(&part).unwrap());
+    }
+    assert!(messages.len() > 4);
+    let last = messages.len() - 1;
+    for (i, message) in messages.iter().enumerate() {
+        let recovered = (i == 0).then_some(true);
+        let head = codec::Head {
+            snapshot: true,
+            id: -4,
+            seq: 6,
+            tick: 5,
+            recovered,
+            more: i < last,
+            stride: 1,
+            tiles_x: 3,
+        };
+        assert_eq!(message.head, head);
+    }
+    let tiles: Vec<_> = messages.iter().flat_map(|message| message.tiles()).collect();
+    let corners: Vec<u64> = tiles.iter().map(|(x, z, _)| z * 3 + x).collect();
+    assert_eq!(corners, [0, 8, 16, 24, 32, 40, 48, 56, 64]);
+    for ((_, _, tile), number) in tiles.iter().zip(0u32..) {
+        let expected: Vec<u32> = (0..64).map(|i| (number + i) * 200).collect();
+        assert_eq!(tile.heights, expected);
+    }
+    let told: Vec<Vec<u8>> = messages
+        .iter()
+        .filter_map(|message| serde_json::from_str::<Vec<Value>>(message.colliders.as_ref()?).ok())
+        .flatten()
+        .map(|collider| collider.to_string().into_bytes())
+        .collect();
+    assert_eq!(told, colliders);
+}
+
+#[test]
+fn a_binary_tile_is_clipped_and_thinned_as_a_text_one_is() {
+    for (width, depth, stride, tile) in [(10, 9, 1, 3), (8, 5, 4, 0), (20, 20, 8, 8)] {
+        let text = sampling(width, depth, stride);
+        let text: Value = serde_json::from_slice(&text.encode_tile(tile, &columns(0))).unwrap();
+        let binary = Sampling { protocol: Protocol::Binary, ..sampling(width, depth, stride) };
+        let tiles = vec![(tile, binary.encode_tile(tile, &columns(0)).into())];
+        let mut parts = Parts::new(head(None), binary, tiles, None);
+        let Some(Message::Binary(part)) = parts.next() else { panic!("no part") };
+        let message = codec::decode(&part).unwrap();
+        let (x, z, tile) = message.tiles().next().unwrap();
+        assert_eq!((text["column_x"].as_u64(), text["column_z"].as_u64()), (Some(x), Some(z)));
+        assert_eq!(text["width"], tile.width);
+        assert_eq!(text["depth"], tile.depth);
+        let heights: Vec<f64> = tile.heights.iter().map(|&h| f64::from(h) / 1000.0).collect();
+        assert_eq!(
+            text["heights"],
+            serde_json::json!(
+                heights
+                    .iter()
+                    .map(|&h| {
+                        if h.fract() == 0.0 {
+                            serde_json::json!(h as u64)
+                        } else {
+                            serde_json::json!(h)
+                        }
+                    })
+                    .collect::<Vec<_>>()
+            )
+        );
+    }
+}
+
 #[test]
 fn a_long_message_is_cut_and_loses_nothing() {
-    let tiles: Vec<_> = (0..9).map(|tile| (tile, columns(tile))).collect();
-    let colliders: Vec<_> =
-        (0..40).map(|i| format!(r#"{{"id":"{i:0100}"}}"#).into_bytes()).collect();
-    let mut cut =
-        Parts::new(head(Some(false)), sampling(24, 24, 1), tiles, Some(colliders.clone()));
+    let colliders = long_colliders();
+    let sampling = sampling(24, 24, 1);
+    let mut cut = Parts::new(head(Some(false)), sampling, nine(&sampling), Some(colliders.clone()));
     cut.largest = 1500;
     let parts = parts(cut);
     assert!(parts.len() > 4);
@@ -158,9 +244,9 @@ fn a_long_message_is_cut_and_loses_nothing() {
 #[test]
 fn a_message_without_tiles_still_tells_the_colliders() {
     let empty = Parts::new(head(None), sampling(8, 8, 1), Vec::new(), Some(Vec::new()));
-    let parts: Vec<String> = empty.collect();
+    let parts: Vec<Message> = empty.collect();
     let expected = r#"{"op":"snapshot","id":-4,"seq":6,"tick":5,"tiles":[],"colliders":[]}"#;
-    assert_eq!(parts, [expected]);
+    assert_eq!(parts, [Message::text(expected)]);
 }
 
 #[test]

@@ -1,0 +1,175 @@
+//! `firn load`: the load tool.
+
+use std::io::{ErrorKind, Write};
+use std::time::Duration;
+
+use clap::Args;
+use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
+use tokio_util::sync::CancellationToken;
+
+use crate::load::{self, Extent, Plan, Progress, Report};
+
+use super::Failure;
+
+/// Shown below the flags.
+pub const NOTES: &str = "\
+What the figures mean:
+  tick to client   arrival of the first message that tells a tick, less the instant the tick was
+                   due. A client does not know the latter: the least (arrival - tick / tick rate) of
+                   all messages of a session stands for zero, so that these are times beyond that
+                   of the fastest message. They grow where the server can't hold the tick rate:
+                   look at it too. Stalled clients and snapshots do not count.
+  deltas           payload bytes and columns of the tiles sent; snapshots do not count.
+  moves to acks    from sending a batch of moved objects to its ack.
+  stalled clients  messages that a client read after its stall until it saw the newest state that
+                   any client had at that moment, those in the sockets' buffers included.
+  server memory    resident set of --server-pid before the first client, and at the end of the run.
+                   Linux only, and only on the server's machine.
+
+Examples:
+  firn load                                   100 clients of one session for 10 s
+  firn load --clients 1000 --tick-rate 10 --max-rate 10 --duration 20s --server-pid $(pidof firn)
+  firn load --slow-clients 10 --stall 30s --duration 40s --json";
+
+/// Options of `firn load`.
+#[derive(Args, Clone, Debug)]
+pub struct Options {
+    /// The server; only http, without TLS.
+    #[arg(long, default_value = "http://127.0.0.1:8080")]
+    url: String,
+    /// Sessions to create; clients are spread over them.
+    #[arg(long, default_value_t = 1)]
+    sessions: usize,
+    /// Clients that watch, those of all sessions together.
+    #[arg(long, default_value_t = 100)]
+    clients: usize,
+    /// How many of the clients stop reading for a while.
+    #[arg(long, default_value_t = 0, value_name = "CLIENTS")]
+    slow_clients: usize,
+    /// For how long they do, from the beginning of the run.
+    #[arg(long, default_value = "5s", value_parser = humantime::parse_duration, value_name = "TIME")]
+    stall: Duration,
+    /// Columns that each client watches.
+    #[arg(long, default_value = "32x32", value_name = "COLUMNS")]
+    region: Extent,
+    /// Columns of each session; each is 0.2 m wide and begins with 2 m of fresh snow.
+    #[arg(long, default_value = "128x128", value_name = "COLUMNS")]
+    grid: Extent,
+    /// Objects in each session, moved once per tick, all of them in one batch.
+    #[arg(long, default_value_t = 20, value_name = "OBJECTS")]
+    colliders: usize,
+    /// Ticks per second of the sessions.
+    #[arg(long, default_value_t = 10.0, value_name = "HZ")]
+    tick_rate: f64,
+    /// Most messages per second that a client wants.
+    #[arg(long, default_value_t = 10.0, value_name = "HZ")]
+    max_rate: f64,
+    /// Length of the run.
+    #[arg(long, default_value = "10s", value_parser = humantime::parse_duration, value_name = "TIME")]
+    duration: Duration,
+    /// Let the snow settle before the run, so that only what objects do changes it.
+    #[arg(long)]
+    settled: bool,
+    /// The server's process, to measure its memory.
+    #[arg(long, value_name = "PID")]
+    server_pid: Option<u32>,
+    /// Print the report as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Options {
+    fn plan(&self) -> Result<Plan, Failure> {
+        for (flag, rate) in [("--tick-rate", self.tick_rate), ("--max-rate", self.max_rate)] {
+            if !(0.1..=1000.0).contains(&rate) {
+                return Err(Failure::Usage(format!("{flag} {rate} is not within 0.1 to 1000 Hz")));
+            }
+        }
+        Ok(Plan {
+            url: self.url.clone(),
+            sessions: self.sessions,
+            clients: self.clients,
+            slow_clients: self.slow_clients,
+            stall: self.stall,
+            region: self.region,
+            grid: self.grid,
+            colliders: self.colliders,
+            tick_rate: self.tick_rate,
+            max_rate: self.max_rate,
+            duration: self.duration,
+            settled: self.settled,
+            server_pid: self.server_pid,
+        })
+    }
+}
+
+/// Carries a run out and prints its report.
+///
+/// # Errors
+/// [`Failure::Usage`] for rates that can't be, [`Failure::Failed`] where the run can't be carried
+/// out.
+pub fn run(options: &Options) -> Result<(), Failure> {
+    let plan = options.plan()?;
+    let runtime = tokio::runtime::Runtime::new()
+        .map_err(|error| Failure::Failed(format!("starting threads: {error}")))?;
+    let report = runtime.block_on(carry_out(&plan))?;
+    print(&report, options.json)
+}
+
+async fn carry_out(plan: &Plan) -> Result<Report, Failure> {
+    let stop = CancellationToken::new();
+    let interrupt = tokio::spawn({
+        let stop = stop.clone();
+        async move {
+            if tokio::signal::ctrl_c().await.is_ok() {
+                stop.cancel();
+            }
+        }
+    });
+    let bar = progress_bar();
+    let observe = |progress: Progress| bar.set_message(line(plan, &progress));
+    let result = load::run(plan, observe, &stop).await;
+    bar.finish_and_clear();
+    interrupt.abort();
+    result.map_err(|error| Failure::Failed(error.to_string()))
+}
+
+/// A line on standard error, hidden where that is no terminal.
+fn progress_bar() -> ProgressBar {
+    let bar = ProgressBar::new_spinner().with_message("preparing the sessions");
+    // The template is constant; without it the line is merely plainer.
+    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}") {
+        bar.set_style(style);
+    }
+    bar.enable_steady_tick(Duration::from_millis(100));
+    bar
+}
+
+fn line(plan: &Plan, progress: &Progress) -> String {
+    let Progress { connected, elapsed, messages, bytes } = *progress;
+    if elapsed.is_zero() {
+        return format!("{connected} of {} clients connected", plan.clients);
+    }
+    format!(
+        "{:.0} of {:.0} s, {connected} clients, {messages} messages, {}",
+        elapsed.as_secs_f64(),
+        plan.duration.as_secs_f64(),
+        HumanBytes(bytes)
+    )
+}
+
+fn print(report: &Report, json: bool) -> Result<(), Failure> {
+    let text = if json {
+        serde_json::to_string_pretty(report)
+            .map_err(|error| Failure::Failed(format!("the report can't be written: {error}")))?
+    } else {
+        report.to_string()
+    };
+    match writeln!(std::io::stdout(), "{text}") {
+        // Whoever reads it may have seen enough.
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::Failed(format!("standard output: {error}")))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,101 @@
+//! Reads what a stream tells, as far as it is counted.
+
+use std::borrow::Cow;
+
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use tokio_tungstenite::tungstenite::Message;
+
+/// A message of heights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Told {
+    /// Whether it is a snapshot.
+    pub snapshot: bool,
+    /// State that is told.
+    pub seq: u64,
+    /// Ticks until then.
+    pub tick: u64,
+    /// Columns in its tiles.
+    pub columns: u64,
+    /// Whether further parts follow.
+    pub more: bool,
+}
+
+/// What a message is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// Heights.
+    Heights(Told),
+    /// A change was applied.
+    Ack,
+    /// Something was refused, with a status.
+    Refused(u16),
+    /// Something that is not counted.
+    Other,
+}
+
+#[derive(Deserialize)]
+struct Json<'a> {
+    #[serde(borrow)]
+    op: Cow<'a, str>,
+    #[serde(default)]
+    seq: u64,
+    #[serde(default)]
+    tick: u64,
+    #[serde(default)]
+    tiles: Vec<JsonTile>,
+    #[serde(default)]
+    more: bool,
+    problem: Option<JsonProblem>,
+}
+
+#[derive(Deserialize)]
+struct JsonTile {
+    width: u64,
+    depth: u64,
+    #[serde(rename = "heights")]
+    _heights: IgnoredAny,
+}
+
+#[derive(Deserialize)]
+struct JsonProblem {
+    status: u16,
+}
+
+/// Reads a message; `None` where it can't be read.
+pub fn read(message: &Message) -> Option<Content> {
+    let Message::Text(text) = message else { return Some(Content::Other) };
+    let json: Json = serde_json::from_str(text).ok()?;
+    Some(match &*json.op {
+        "snapshot" | "delta" => Content::Heights(Told {
+            snapshot: json.op == "snapshot",
+            seq: json.seq,
+            tick: json.tick,
+            columns: json.tiles.iter().map(|tile| tile.width * tile.depth).sum(),
+            more: json.more,
+        }),
+        "ack" => Content::Ack,
+        "error" => Content::Refused(json.problem.map_or(0, |problem| problem.status)),
+        _ => Content::Other,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_are_told_apart() {
+        let of = |text: &str| read(&Message::text(text.to_owned()));
+        let delta = r#"{"op":"delta","id":1,"seq":7,"tick":3,"tiles":[
+            {"column_x":0,"column_z":8,"width":8,"depth":2,"heights":[1,2.5]},
+            {"column_x":8,"column_z":8,"width":1,"depth":2,"heights":[1,2]}],"more":true}"#;
+        let told = Told { snapshot: false, seq: 7, tick: 3, columns: 18, more: true };
+        assert_eq!(of(delta), Some(Content::Heights(told)));
+        assert_eq!(of(r#"{"op":"ack","id":3,"seq":7,"tick":3}"#), Some(Content::Ack));
+        let refusal = r#"{"op":"error","id":null,"problem":{"status":422,"title":"x"}}"#;
+        assert_eq!(of(refusal), Some(Content::Refused(422)));
+        assert_eq!(of(r#"{"op":"event","event":"settled","seq":1}"#), Some(Content::Other));
+        assert_eq!(of("not JSON"), None);
+    }
+}

@@ -1,0 +1,325 @@
+//! Puts load on a server as many viewers of moving snow do, and measures what they get.
+//!
+//! It talks to the server by its public interface alone. See [`Report`] for what is measured.
+
+mod api;
+mod message;
+mod mover;
+mod report;
+mod tally;
+mod viewer;
+
+use std::str::FromStr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use tokio::sync::Semaphore;
+use tokio::task::JoinSet;
+use tokio_util::sync::CancellationToken;
+
+use api::Api;
+use tally::{Moves, Tally};
+
+pub use report::{Memory, Percentiles, Report};
+
+/// Side of a column \[m\].
+const CELL_SIZE: f64 = 0.2;
+
+/// Clients that connect at a time.
+const CONNECTING: usize = 64;
+
+/// Time after which clients that are not connected are no longer waited for.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Time between two looks at a run.
+const LOOK: Duration = Duration::from_millis(250);
+
+/// Open files that are needed beside one per client.
+const OTHER_FILES: u64 = 64;
+
+/// Why a run could not be carried out.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct LoadError(String);
+
+/// Sides of a rectangle in columns, such as `32x16`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    /// Columns along x, at least 1.
+    pub width: u32,
+    /// Columns along z, at least 1.
+    pub depth: u32,
+}
+
+impl FromStr for Extent {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Extent, String> {
+        let side = |text: &str| text.parse().ok().filter(|&side| side > 0);
+        text.split_once('x')
+            .and_then(|(width, depth)| Some(Extent { width: side(width)?, depth: side(depth)? }))
+            .ok_or_else(|| "expected columns along x and z, such as 32x32".to_owned())
+    }
+}
+
+/// What load is put on.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The server, `http://host:port`.
+    pub url: String,
+    /// Sessions, each with its own objects.
+    pub sessions: usize,
+    /// Viewers of all sessions together.
+    pub clients: usize,
+    /// How many of them stop reading for `stall` when the run begins.
+    pub slow_clients: usize,
+    /// How long they do.
+    pub stall: Duration,
+    /// What each viewer watches.
+    pub region: Extent,
+    /// Columns of each session.
+    pub grid: Extent,
+    /// Moving objects in each session.
+    pub colliders: usize,
+    /// Ticks per second of each session \[Hz\]; objects are moved as often.
+    pub tick_rate: f64,
+    /// Most messages per second to a viewer \[Hz\].
+    pub max_rate: f64,
+    /// Length of the run.
+    pub duration: Duration,
+    /// Whether the snow has settled before the run.
+    pub settled: bool,
+    /// The server's process, where its memory is to be measured.
+    pub server_pid: Option<u32>,
+}
+
+/// How far a run is.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Progress {
+    /// Clients that see the snow.
+    pub connected: usize,
+    /// Time since the run began; zero before.
+    pub elapsed: Duration,
+    /// Messages of heights so far.
+    pub messages: u64,
+    /// Their payload \[bytes\].
+    pub bytes: u64,
+}
+
+/// What all clients of a run share.
+struct Shared {
+    zero: Instant,
+    /// Cancelled when the run begins, once every client is connected.
+    begin: CancellationToken,
+    /// Cancelled when the run ends.
+    end: CancellationToken,
+    counting: AtomicBool,
+    connecting: Semaphore,
+    connected: AtomicUsize,
+    /// Clients that are connected or have given up.
+    arrived: AtomicUsize,
+    messages: AtomicU64,
+    bytes: AtomicU64,
+    /// Newest seq that a client has got, by session.
+    newest: Vec<AtomicU64>,
+}
+
+impl Shared {
+    fn new(sessions: usize) -> Shared {
+        Shared {
+            zero: Instant::now(),
+            begin: CancellationToken::new(),
+            end: CancellationToken::new(),
+            counting: AtomicBool::new(false),
+            connecting: Semaphore::new(CONNECTING),
+            connected: AtomicUsize::new(0),
+            arrived: AtomicUsize::new(0),
+            messages: AtomicU64::new(0),
+            bytes: AtomicU64::new(0),
+            newest: (0..sessions).map(|_| AtomicU64::new(0)).collect(),
+        }
+    }
+
+    fn progress(&self, elapsed: Duration) -> Progress {
+        Progress {
+            connected: self.connected.load(Ordering::Relaxed),
+            elapsed,
+            messages: self.messages.load(Ordering::Relaxed),
+            bytes: self.bytes.load(Ordering::Relaxed),
+        }
+    }
+}
+
+/// Carries a plan out: creates its sessions, runs, and deletes them again. `observe` is told how
+/// far it is; cancelling `stop` ends the run early.
+///
+/// # Errors
+/// Where the plan can't be carried out; the sessions are deleted all the same.
+pub async fn run(
+    plan: &Plan,
+    observe: impl Fn(Progress),
+    stop: &CancellationToken,
+) -> Result<Report, LoadError> {
+    check(plan)?;
+    allow_open_files(plan.clients as u64 + plan.sessions as u64 + OTHER_FILES)?;
+    let api = Api::new(&plan.url)?;
+    let run = ulid::Ulid::generate().to_string().to_lowercase();
+    let ids: Vec<String> = (0..plan.sessions).map(|i| format!("load-{run}-{i}")).collect();
+    let result = tokio::select! {
+        biased;
+        () = stop.cancelled() => Err(LoadError("interrupted before the run began".to_owned())),
+        prepared = prepare(plan, &api, &ids) => prepared,
+    };
+    let result = match result {
+        Ok(()) => measure(plan, &api, &ids, observe, stop).await,
+        Err(error) => Err(error),
+    };
+    // Those that were not created are not there, which is what is wanted.
+    for id in &ids {
+        let deleted = api.delete(id).await;
+        if result.is_ok() {
+            deleted?;
+        }
+    }
+    result
+}
+
+fn check(plan: &Plan) -> Result<(), LoadError> {
+    let least = mover::LEAST_SIDE;
+    let wrong = if plan.sessions == 0 || plan.clients == 0 {
+        "there must be at least one session and one client".to_owned()
+    } else if plan.slow_clients > plan.clients {
+        format!("{} slow clients are more than all {}", plan.slow_clients, plan.clients)
+    } else if plan.grid.width < least || plan.grid.depth < least {
+        format!("objects move on grids of at least {least}x{least} columns")
+    } else if plan.region.width > plan.grid.width || plan.region.depth > plan.grid.depth {
+        "the region is larger than the grid".to_owned()
+    } else {
+        return Ok(());
+    };
+    Err(LoadError(wrong))
+}
+
+/// Creates the sessions, with snow that has settled where that is wanted, and sets them running.
+async fn prepare(plan: &Plan, api: &Api, ids: &[String]) -> Result<(), LoadError> {
+    for id in ids {
+        api.create(id, plan).await?;
+        if plan.settled {
+            api.settle(id).await?;
+        }
+        api.unpause(id).await?;
+    }
+    Ok(())
+}
+
+async fn measure(
+    plan: &Plan,
+    api: &Api,
+    ids: &[String],
+    observe: impl Fn(Progress),
+    stop: &CancellationToken,
+) -> Result<Report, LoadError> {
+    let memory_before = plan.server_pid.map(resident).transpose()?;
+    let shared = Arc::new(Shared::new(ids.len()));
+    let mut viewers = JoinSet::new();
+    for number in 0..plan.clients {
+        viewers.spawn(viewer::watch(plan.clone(), number, ids.to_vec(), shared.clone()));
+    }
+    let mut movers = JoinSet::new();
+    for id in ids.iter().filter(|_| plan.colliders > 0) {
+        movers.spawn(mover::drive(plan.clone(), id.clone(), shared.clone()));
+    }
+    let waited = Instant::now();
+    while shared.arrived.load(Ordering::Relaxed) < plan.clients
+        && waited.elapsed() < PATIENCE
+        && !stop.is_cancelled()
+    {
+        tokio::time::sleep(LOOK / 10).await;
+        observe(shared.progress(Duration::ZERO));
+    }
+    let ticks_before = ticks(api, ids).await?;
+    let began = Instant::now();
+    shared.counting.store(true, Ordering::Relaxed);
+    shared.begin.cancel();
+    while began.elapsed() < plan.duration && !stop.is_cancelled() {
+        let left = plan.duration.saturating_sub(began.elapsed());
+        tokio::time::sleep(left.min(LOOK)).await;
+        observe(shared.progress(began.elapsed()));
+    }
+    shared.counting.store(false, Ordering::Relaxed);
+    let seconds = began.elapsed().as_secs_f64();
+    let ticks_after = ticks(api, ids).await?;
+    let memory_after = plan.server_pid.map(resident).transpose()?;
+    shared.end.cancel();
+    let tallies: Vec<Tally> = viewers.join_all().await;
+    let moves: Vec<Moves> = movers.join_all().await;
+    let rates = ticks_before.iter().zip(&ticks_after).map(|((at, tick), (until, last))| {
+        last.saturating_sub(*tick) as f64 / (*until - *at).as_secs_f64()
+    });
+    Ok(Report::new(plan, &tallies, &moves)
+        .over(seconds, rates.fold(f64::INFINITY, f64::min))
+        .interrupted(stop.is_cancelled())
+        .with_memory(memory_before.zip(memory_after)))
+}
+
+/// Each session's tick and when it was read.
+async fn ticks(api: &Api, ids: &[String]) -> Result<Vec<(Instant, u64)>, LoadError> {
+    let mut ticks = Vec::with_capacity(ids.len());
+    for id in ids {
+        let tick = api.tick(id).await?;
+        ticks.push((Instant::now(), tick));
+    }
+    Ok(ticks)
+}
+
+/// Memory of a process that is in use \[bytes\].
+fn resident(pid: u32) -> Result<u64, LoadError> {
+    let path = format!("/proc/{pid}/status");
+    let unknown = || LoadError(format!("{path} does not say how much memory the process uses"));
+    let status = std::fs::read_to_string(&path).map_err(|_| unknown())?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).ok_or_else(unknown)?;
+    let kibibytes: u64 =
+        line.trim().trim_end_matches("kB").trim().parse().map_err(|_| unknown())?;
+    Ok(kibibytes * 1024)
+}
+
+/// Allows this process as many open files as its clients need.
+#[cfg(unix)]
+fn allow_open_files(wanted: u64) -> Result<(), LoadError> {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let limit = getrlimit(Resource::Nofile);
+    if limit.current.is_none_or(|current| current >= wanted) {
+        return Ok(());
+    }
+    let raised = Rlimit { current: Some(wanted), maximum: limit.maximum };
+    setrlimit(Resource::Nofile, raised).map_err(|error| {
+        let most = limit.maximum.map_or("any".to_owned(), |most| most.to_string());
+        LoadError(format!("{wanted} open files are needed, {most} are allowed: {error}"))
+    })
+}
+
+#[cfg(not(unix))]
+fn allow_open_files(_: u64) -> Result<(), LoadError> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_extent_is_two_numbers() {
+        assert_eq!("32x16".parse(), Ok(Extent { width: 32, depth: 16 }));
+        for text in ["", "32", "32x", "x3", "0x3", "3x-1", "3x4x5", "axb"] {
+            assert!(text.parse::<Extent>().is_err(), "{text}");
+        }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn memory_is_read_of_processes_that_are_there() {
+        assert!(resident(std::process::id()).unwrap() > 1 << 20);
+        assert!(resident(u32::MAX).is_err());
+    }
+}

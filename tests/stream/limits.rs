@@ -1,0 +1,148 @@
+//! What streams may take, and what they share.
+
+use std::time::Duration;
+
+use firn::config::{BackendChoice, StreamConfig};
+use firn::stream::{Cause, EncodedTiles};
+use serde_json::json;
+
+use crate::client::Client;
+use crate::on_each_backend;
+use crate::support::{self, Options, Server};
+
+on_each_backend!(
+    a_tile_is_encoded_once_for_all_who_watch_it,
+    a_client_that_lets_a_write_block_is_closed,
+    a_client_that_sends_too_many_commands_is_closed,
+    level_snow_that_settles_costs_a_tenth_of_a_byte_per_column,
+    ploughed_snow_costs_half_a_byte_per_column,
+);
+
+fn big() -> serde_json::Value {
+    json!({
+        "grid": {"width": 128, "depth": 128, "height": 20, "cell_size": 0.2},
+        "paused": true,
+        "initial_snow": [{"depth": 3.5}]
+    })
+}
+
+async fn a_tile_is_encoded_once_for_all_who_watch_it(backend: BackendChoice) {
+    const SOCKETS: usize = 20;
+    const ROUNDS: u64 = 5;
+    let server = Server::start(backend).await;
+    let session = server.create(support::small()).await;
+    let id = session.rsplit('/').next().unwrap();
+    let encoded = server.sessions.get(id).unwrap().companion::<EncodedTiles>();
+    for (number, protocol) in (0..).zip(["firn.v1.json", "firn.v1.bin"]) {
+        let before = (encoded.encoded(), encoded.shared());
+        let mut clients = Vec::new();
+        for _ in 0..SOCKETS {
+            let mut client = Client::open_as(&server, &session, protocol).await;
+            client.send(json!({"op": "subscribe", "id": 1, "max_rate": 60})).await;
+            client.heights_of(1).await;
+            clients.push(client);
+        }
+        for _ in 0..ROUNDS {
+            let fallen = server.post(&format!("{session}/snowfalls"), json!({"depth": 0.1})).await;
+            let newest = fallen.expect(200)["seq"].as_u64().unwrap();
+            for client in &mut clients {
+                client.until(1, |view| view.seq >= newest).await;
+            }
+        }
+        // Two tiles, at first and after each snowfall.
+        let tiles = 2 * (1 + ROUNDS);
+        assert_eq!(encoded.encoded() - before.0, tiles, "{number}");
+        assert_eq!(encoded.shared() - before.1, tiles * (SOCKETS as u64 - 1), "{number}");
+    }
+    server.stop().await;
+}
+
+async fn a_client_that_lets_a_write_block_is_closed(backend: BackendChoice) {
+    let stream = StreamConfig {
+        stream_write_timeout: Duration::from_millis(200),
+        // The client reads again when it has been given up, however long that takes.
+        stream_farewell: Duration::from_secs(60),
+        ..StreamConfig::default()
+    };
+    let server = Server::start_with(backend, Options { stream, ..Options::default() }).await;
+    let session = server.create(big()).await;
+    let mut stalled = Client::open_narrow(&server, &session).await;
+    for id in 0..64 {
+        stalled.send(json!({"op": "subscribe", "id": id, "quantum": 0.0001})).await;
+    }
+    while server.app.endings.of(Cause::TooSlow) == 0 {
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    assert_eq!(stalled.close_code().await, 3008);
+    server.stop().await;
+}
+
+async fn a_client_that_sends_too_many_commands_is_closed(backend: BackendChoice) {
+    let stream = StreamConfig { stream_commands_per_second: 1, ..StreamConfig::default() };
+    let server = Server::start_with(backend, Options { stream, ..Options::default() }).await;
+    let session = server.create(support::small()).await;
+    let mut client = Client::open(&server, &session).await;
+    for id in 0..100 {
+        if !client.try_send(&json!({"op": "ping", "id": id})).await {
+            break;
+        }
+    }
+    assert_eq!(client.close_code().await, 3013);
+    assert_eq!(server.app.endings.of(Cause::TooManyCommands), 1);
+    server.stop().await;
+}
+
+/// Bytes for each column told while a session is stepped, the first message left out.
+async fn cost(server: &Server, session: &str, rounds: usize, moves: bool) -> f64 {
+    let mut client = Client::open_as(server, session, "firn.v1.bin").await;
+    let region = json!({"column_x": 48, "column_z": 48, "width": 32, "depth": 32});
+    client.send(json!({"op": "subscribe", "id": 1, "max_rate": 60, "region": region})).await;
+    client.heights_of(1).await;
+    let before = client.payload;
+    let mut columns = 0;
+    for round in 0..rounds {
+        if moves {
+            let objects: Vec<_> = (0..20)
+                .map(|i| {
+                    // Across the region and back, each on a track of its own.
+                    let along = 10.0 + 0.12 * round as f64 + 0.1 * f64::from(i % 4);
+                    let across = 9.8 + 0.33 * f64::from(i);
+                    let (x, z) = if i % 2 == 0 { (along, across) } else { (across, along) };
+                    json!({"id": format!("o{i}"), "mass": 20,
+                           "shape": {"type": "disk", "radius": 0.3}, "position": {"x": x, "z": z}})
+                })
+                .collect();
+            let batch = json!({ "put": objects });
+            server.post(&format!("{session}/colliders:batch"), batch).await.expect(200);
+        }
+        let newest = server.step(session, 6).await["seq"].as_u64().unwrap();
+        while client.view(1).seq < newest {
+            let Some(message) = client.try_take().await.unwrap() else { continue };
+            columns += 64 * message["tiles"].as_array().unwrap().len();
+            // What lies beyond the region changes the seq, but is not told.
+            if message["tiles"].as_array().unwrap().is_empty() {
+                break;
+            }
+        }
+    }
+    assert!(columns >= rounds * 1024 / 2, "{columns} columns");
+    (client.payload - before) as f64 / columns as f64
+}
+
+async fn level_snow_that_settles_costs_a_tenth_of_a_byte_per_column(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = server.create(big()).await;
+    let cost = cost(&server, &session, 20, false).await;
+    println!("{cost:.3} bytes per column");
+    assert!(cost <= 0.1, "{cost} bytes per column");
+    server.stop().await;
+}
+
+async fn ploughed_snow_costs_half_a_byte_per_column(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = server.create(big()).await;
+    let cost = cost(&server, &session, 40, true).await;
+    println!("{cost:.3} bytes per column");
+    assert!(cost <= 0.5, "{cost} bytes per column");
+    server.stop().await;
+}
