@@ -249,8 +249,7 @@ impl Compaction<'_> {
         let thickness = cell.thickness as f32;
         let density = mass / thickness * self.density;
         let excess = cell.stress - self.material.hardness(density, cell.temperature);
-        // Written so that no number at all counts as none, as in the kernel.
-        if !(excess > 0.0) {
+        if excess.is_nan() || excess <= 0.0 {
             return 0;
         }
         let indent = excess / self.material.stiffness(density) * self.rate * thickness;
