@@ -7,7 +7,7 @@ use clap::Args;
 use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
 use tokio_util::sync::CancellationToken;
 
-use crate::load::{self, Extent, Plan, Progress, Report};
+use crate::load::{self, Extent, Plan, Progress, Protocol, Report};
 
 use super::Failure;
 
@@ -37,6 +37,9 @@ pub struct Options {
     /// The server; only http, without TLS.
     #[arg(long, default_value = "http://127.0.0.1:8080")]
     url: String,
+    /// How clients are told heights.
+    #[arg(long, default_value = "json")]
+    protocol: Protocol,
     /// Sessions to create; clients are spread over them.
     #[arg(long, default_value_t = 1)]
     sessions: usize,
@@ -87,6 +90,7 @@ impl Options {
         }
         Ok(Plan {
             url: self.url.clone(),
+            protocol: self.protocol,
             sessions: self.sessions,
             clients: self.clients,
             slow_clients: self.slow_clients,

@@ -6,6 +6,8 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use tokio_tungstenite::tungstenite::Message;
 
+use crate::stream::codec;
+
 /// A message of heights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Told {
@@ -64,7 +66,11 @@ struct JsonProblem {
 
 /// Reads a message; `None` where it can't be read.
 pub fn read(message: &Message) -> Option<Content> {
-    let Message::Text(text) = message else { return Some(Content::Other) };
+    let text = match message {
+        Message::Text(text) => text,
+        Message::Binary(bytes) => return read_binary(bytes).map(Content::Heights),
+        _ => return Some(Content::Other),
+    };
     let json: Json = serde_json::from_str(text).ok()?;
     Some(match &*json.op {
         "snapshot" | "delta" => Content::Heights(Told {
@@ -80,9 +86,44 @@ pub fn read(message: &Message) -> Option<Content> {
     })
 }
 
+fn read_binary(bytes: &[u8]) -> Option<Told> {
+    let message = codec::decode(bytes).ok()?;
+    let columns = |run: &codec::Run| {
+        u64::from(run.count) * u64::from(run.tile.width) * u64::from(run.tile.depth)
+    };
+    Some(Told {
+        snapshot: message.head.snapshot,
+        seq: message.head.seq,
+        tick: message.head.tick,
+        columns: message.runs.iter().map(columns).sum(),
+        more: message.head.more,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn binary_messages_count_the_same() {
+        let head = codec::Head {
+            snapshot: true,
+            id: 1,
+            seq: 7,
+            tick: 3,
+            recovered: None,
+            more: false,
+            stride: 1,
+            tiles_x: 4,
+        };
+        // Two tiles that are alike, and one that is clipped.
+        let (whole, clipped) =
+            (codec::encode_tile(8, 8, 1, &[5; 64]), codec::encode_tile(3, 2, 1, &[1; 6]));
+        let bytes = codec::encode(&head, &[(1, &whole), (2, &whole), (3, &clipped)], None);
+        let told = Told { snapshot: true, seq: 7, tick: 3, columns: 134, more: false };
+        assert_eq!(read(&Message::binary(bytes.clone())), Some(Content::Heights(told)));
+        assert_eq!(read(&Message::binary(bytes[..bytes.len() - 1].to_vec())), None);
+    }
 
     #[test]
     fn messages_are_told_apart() {

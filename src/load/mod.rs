@@ -63,11 +63,32 @@ impl FromStr for Extent {
     }
 }
 
+/// How viewers are told heights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Protocol {
+    /// As JSON.
+    Json,
+    /// As packed bytes.
+    Bin,
+}
+
+impl Protocol {
+    /// Its name in the handshake.
+    fn name(self) -> &'static str {
+        match self {
+            Protocol::Json => "firn.v1.json",
+            Protocol::Bin => "firn.v1.bin",
+        }
+    }
+}
+
 /// What load is put on.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The server, `http://host:port`.
     pub url: String,
+    /// How viewers are told heights.
+    pub protocol: Protocol,
     /// Sessions, each with its own objects.
     pub sessions: usize,
     /// Viewers of all sessions together.

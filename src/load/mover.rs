@@ -12,7 +12,7 @@ use tokio_tungstenite::tungstenite::Message;
 use super::message::{self, Content};
 use super::tally::Moves;
 use super::viewer::{Socket, close, next, open};
-use super::{CELL_SIZE, Plan, Shared};
+use super::{CELL_SIZE, Plan, Protocol, Shared};
 
 /// Least columns of a grid that objects move on, along each side.
 pub const LEAST_SIDE: u32 = 8;
@@ -36,7 +36,7 @@ pub async fn drive(plan: Plan, id: String, shared: Arc<Shared>) -> Moves {
 }
 
 async fn live(plan: &Plan, id: &str, shared: &Shared, moves: &mut Moves) -> Result<(), String> {
-    let mut socket = open(plan, id).await?;
+    let mut socket = open(plan, Protocol::Json, id).await?;
     let began = Instant::now();
     let mut beat = tokio::time::interval(Duration::from_secs_f64(1.0 / plan.tick_rate));
     beat.set_missed_tick_behavior(MissedTickBehavior::Delay);

@@ -12,6 +12,8 @@ use super::tally::{Moves, Tally, Times};
 /// WebSocket and TCP put around it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
+    /// Sub-protocol of the viewers.
+    pub protocol: &'static str,
     /// Sessions.
     pub sessions: usize,
     /// Viewers.
@@ -116,6 +118,7 @@ impl Report {
         let mut acks = Times::default();
         moves.iter().for_each(|moves| acks.add(&moves.times, 0));
         Report {
+            protocol: plan.protocol.name(),
             sessions: plan.sessions,
             clients: plan.clients,
             slow_clients: plan.slow_clients,
@@ -176,8 +179,9 @@ impl fmt::Display for Report {
         let early = if self.interrupted { " (interrupted)" } else { "" };
         writeln!(
             f,
-            "{sessions} sessions with {colliders} moving objects each, {clients} clients, \
-             {slow_clients} of them slow, {seconds:.1} s{early}"
+            "{sessions} sessions with {colliders} moving objects each, {clients} clients \
+             ({}), {slow_clients} of them slow, {seconds:.1} s{early}",
+            self.protocol
         )?;
         writeln!(f, "tick rate        {:.2} of {} Hz", self.measured_tick_rate, self.tick_rate)?;
         match &self.latency_ms {

@@ -15,7 +15,7 @@ use tokio_tungstenite::{WebSocketStream, client_async_with_config};
 
 use super::message::{self, Content, Told};
 use super::tally::Tally;
-use super::{Plan, Shared};
+use super::{Plan, Protocol, Shared};
 
 /// A stream.
 pub type Socket = WebSocketStream<TcpStream>;
@@ -30,7 +30,7 @@ const FAREWELL: Duration = Duration::from_secs(2);
 ///
 /// # Errors
 /// Why there is none.
-pub async fn open(plan: &Plan, session: &str) -> Result<Socket, String> {
+pub async fn open(plan: &Plan, protocol: Protocol, session: &str) -> Result<Socket, String> {
     let base = plan.url.trim_end_matches('/');
     let authority = base.trim_start_matches("http://");
     let host = authority.split('/').next().unwrap_or(authority);
@@ -42,7 +42,7 @@ pub async fn open(plan: &Plan, session: &str) -> Result<Socket, String> {
     let mut request = format!("ws://{authority}/v1/sessions/{session}/stream")
         .into_client_request()
         .map_err(|error| format!("not connected: {error}"))?;
-    let protocol = HeaderValue::from_static("firn.v1.json");
+    let protocol = HeaderValue::from_static(protocol.name());
     request.headers_mut().insert(header::SEC_WEBSOCKET_PROTOCOL, protocol);
     let stream = TcpStream::connect(address)
         .await
@@ -137,7 +137,7 @@ impl Viewer {
     async fn subscribe(&mut self, plan: &Plan, number: usize, id: &str) -> Result<Socket, String> {
         let shared = self.shared.clone();
         let _turn = shared.connecting.acquire().await.map_err(|_| "not connected".to_owned())?;
-        let mut socket = open(plan, id).await?;
+        let mut socket = open(plan, plan.protocol, id).await?;
         // Scattered evenly: multiples of the golden ratio and its square leave no gaps.
         let place =
             |ratio: f64, room: u32| ((number as f64 * ratio).fract() * f64::from(room)) as u32;

@@ -25,7 +25,7 @@ pub fn encode_tile(width: u32, depth: u32, stride: u32, heights: &[u32]) -> Vec<
     let whole = SIDE / stride;
     let clipped = (width, depth) != (whole, whole);
     let mut out = Vec::with_capacity(rows.len() + 8);
-    out.push(u8::from(coded != 0) * ROWS | u8::from(clipped) * CLIPPED);
+    out.push(flags_of(&[(coded != 0, ROWS), (clipped, CLIPPED)]));
     if clipped {
         out.push((width - 1) as u8 | ((depth - 1) << 3) as u8);
     }
@@ -64,7 +64,7 @@ fn push_row(row: &[u32], above: &[u32], out: &mut Vec<u8>) {
     let (predictor, width, sparse, residuals) = best.expect("some way is the shortest");
     let residuals = &residuals[..row.len()];
     let code = (width as u8).min(WIDEST) | predictor << PREDICTOR_SHIFT;
-    out.push(code | u8::from(sparse) * SPARSE);
+    out.push(code | flags_of(&[(sparse, SPARSE)]));
     if sparse {
         let there = (0..residuals.len()).filter(|&x| residuals[x] != 0);
         out.push(there.fold(0, |mask, x| mask | 1 << x));
@@ -87,13 +87,14 @@ pub fn encode<T: AsRef<[u8]>>(
     assert!([1, 2, 4, 8].contains(&head.stride), "stride {}", head.stride);
     let mut out = Vec::new();
     out.push(if head.snapshot { SNAPSHOT } else { DELTA });
-    out.push(
-        u8::from(head.more) * MORE
-            | u8::from(head.recovered.is_some()) * RESUMED
-            | u8::from(head.recovered == Some(true)) * RECOVERED
-            | u8::from(colliders.is_some()) * COLLIDERS
-            | (head.stride.trailing_zeros() << STRIDE_SHIFT) as u8,
-    );
+    let flags = [
+        (head.more, MORE),
+        (head.recovered.is_some(), RESUMED),
+        (head.recovered == Some(true), RECOVERED),
+        (colliders.is_some(), COLLIDERS),
+    ];
+    let stride = (head.stride.trailing_zeros() << STRIDE_SHIFT) as u8;
+    out.push(flags_of(&flags) | stride);
     push_varint(((head.id << 1) ^ (head.id >> 63)) as u64, &mut out);
     push_varint(head.seq, &mut out);
     push_varint(head.tick, &mut out);
@@ -115,6 +116,11 @@ pub fn encode<T: AsRef<[u8]>>(
     }
     out.extend_from_slice(colliders.unwrap_or_default());
     out
+}
+
+/// The flags that are set.
+fn flags_of(flags: &[(bool, u8)]) -> u8 {
+    flags.iter().filter(|(set, _)| *set).fold(0, |all, (_, flag)| all | flag)
 }
 
 /// Cuts tiles into runs of neighbouring places that are all equal, or each unlike the one before.
