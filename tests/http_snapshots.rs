@@ -176,7 +176,8 @@ async fn a_forged_snapshot_is_refused(backend: BackendChoice) {
     let good = snapshot(&server, &path).await;
     let same = restore(&server, "?id=same", forge(&good, |_| {})).await;
     assert_eq!(same.status, 201, "{}", String::from_utf8_lossy(&same.body));
-    let changes: [(&str, fn(&mut Value)); 12] = [
+    type Forgery = (&'static str, fn(&mut Value));
+    let changes: [Forgery; 12] = [
         ("time saved up", |d| d["clock"]["pending"][1] = json!(2e5)),
         ("another clock", |d| d["clock"]["dt"] = json!(1)),
         ("a future", |d| d["clock"]["mark"][0] = json!(1u64 << 60)),
