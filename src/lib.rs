@@ -14,4 +14,5 @@ pub mod load;
 pub mod problem;
 pub mod session;
 pub mod snow;
+pub mod store;
 pub mod stream;

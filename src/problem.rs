@@ -155,6 +155,10 @@ impl From<SessionError> for Problem {
                 let status = StatusCode::INSUFFICIENT_STORAGE;
                 Problem::new(status, "out-of-memory", "Device memory is full", detail)
             }
+            SessionError::StorageFailed(_) => {
+                let status = StatusCode::INSUFFICIENT_STORAGE;
+                Problem::new(status, "storage-failed", "Changes can't be stored", detail)
+            }
             SessionError::Unavailable(_) => Problem::unavailable(detail),
             SessionError::Internal(_) => Problem::internal(detail),
         }
@@ -188,6 +192,7 @@ mod tests {
             (SessionError::Internal(String::new()), 500),
             (SessionError::Unavailable(String::new()), 503),
             (SessionError::OutOfMemory(String::new()), 507),
+            (SessionError::StorageFailed(String::new()), 507),
         ];
         for (error, status) in cases {
             assert_eq!(Problem::from(error.clone()).status, status, "{error:?}");

@@ -85,7 +85,7 @@ pub fn run(options: &Options) -> Result<(), Failure> {
         .with_writer(std::io::stderr)
         .with_target(false)
         .try_init();
-    let engine = EngineConfig { backend: options.backend, device_memory: None, ephemeral: true };
+    let engine = EngineConfig { backend: options.backend, device_memory: None };
     let backend = open_backend(&engine).map_err(|error| Failure::Failed(error.to_string()))?;
     let failed = |what: &str, error: std::io::Error| Failure::Failed(format!("{what}: {error}"));
     let runtime = tokio::runtime::Builder::new_current_thread()

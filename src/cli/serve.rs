@@ -1,31 +1,39 @@
 //! `firn serve`: the server.
 
 use std::io::IsTerminal;
+use std::time::Duration;
 
 use clap::Args;
 use tokio::net::TcpListener;
+use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 use tracing_subscriber::EnvFilter;
 
 use crate::config::{
-    BackendChoice, EngineConfig, LimitsConfig, ListenConfig, LogConfig, RequestConfig, StreamConfig,
+    BackendChoice, EngineConfig, LimitsConfig, ListenConfig, LogConfig, RequestConfig, StoreConfig,
+    StreamConfig,
 };
 use crate::engine::cpu::CpuBackend;
 use crate::engine::frame::{Backend, EngineError};
 use crate::engine::gpu::GpuBackend;
 use crate::http::{self, App};
-use crate::session::{Sessions, World, WorldConfig};
+use crate::session::{Durability, SessionError, Sessions, World, WorldConfig};
+use crate::store::{Ephemeral, RedbStore, Store};
 
 use super::{Failure, demo};
 
 /// Publications per second, beside those that requests ask for.
 const PUBLISH_RATE: f64 = 20.0;
 
+/// Part of the drain timeout that is kept for saving sessions.
+const SAVING: f64 = 0.4;
+
 /// Shown below the flags.
 pub const EXAMPLES: &str = "\
 Examples:
   firn serve --demo                        a snowpack to look at: GET /v1/sessions/demo
+  firn serve --ephemeral                   keep nothing when it stops
   firn serve --backend cpu                 without a graphics device
   firn serve --listen 127.0.0.1:0          on a free port; the log says which
   firn serve --listen [::]:8080 --allow-open    for every machine that can reach this one";
@@ -37,6 +45,8 @@ pub struct Serve {
     listen: ListenConfig,
     #[command(flatten)]
     engine: EngineConfig,
+    #[command(flatten)]
+    store: StoreConfig,
     #[command(flatten)]
     limits: LimitsConfig,
     #[command(flatten)]
@@ -70,19 +80,59 @@ pub fn run(options: &Serve) -> Result<(), Failure> {
     let listener = runtime
         .block_on(TcpListener::bind(address))
         .map_err(|error| failed(&format!("listening on {address}"), error))?;
-    let backend =
-        open_backend(&options.engine).map_err(|error| Failure::Failed(error.to_string()))?;
     let config =
         WorldConfig { limits: options.limits.limits(), publish_rate: PUBLISH_RATE, sleep: true };
+    let store = open_store(&options.store)?;
+    let durability = Durability { store, checkpoint_interval: options.store.checkpoint_interval };
+    let engine = options.engine;
     let (sessions, world) =
-        World::start(backend, config).map_err(|error| failed("starting the engine", error))?;
-    let served = runtime.block_on(serve(options, listener, sessions));
-    world.stop();
+        World::open(Box::new(move || open_backend(&engine)), config, durability)
+            .map_err(|error| Failure::Failed(error.to_string()))?;
+    let shutdown = CancellationToken::new();
+    let (served, deadline) = runtime.block_on(serve(options, listener, sessions, &shutdown));
+    world.stop_by(deadline.into_std());
     info!("stopped");
     served
 }
 
-async fn serve(options: &Serve, listener: TcpListener, sessions: Sessions) -> Result<(), Failure> {
+/// Serves until it is to stop. Returns when everything has to be over as well.
+async fn serve(
+    options: &Serve,
+    listener: TcpListener,
+    sessions: Sessions,
+    shutdown: &CancellationToken,
+) -> (Result<(), Failure>, Instant) {
+    if let Err(failure) = introduce(options, &listener, &sessions) {
+        return (Err(failure), Instant::now());
+    }
+    let signals = tokio::spawn(stop_on_signal(shutdown.clone()));
+    if options.demo {
+        tokio::spawn(make_demo(sessions.clone()));
+    }
+    let app = App { stream: options.stream, ..App::new(sessions.clone(), options.requests) };
+    let patience = options.store.drain_timeout;
+    let serving = http::run(listener, app, shutdown.clone());
+    let draining = async {
+        shutdown.cancelled().await;
+        sessions.close();
+        let deadline = Instant::now() + patience;
+        sleep_until(deadline - patience.mul_f64(SAVING)).await;
+        deadline
+    };
+    tokio::pin!(serving, draining);
+    let (served, deadline) = tokio::select! {
+        served = &mut serving => (served, Instant::now() + patience.mul_f64(SAVING)),
+        deadline = &mut draining => {
+            warn!("requests or streams were still under way; they are cut");
+            (Ok(()), deadline)
+        }
+    };
+    signals.abort();
+    (served.map_err(|error| Failure::Failed(format!("serving: {error}"))), deadline)
+}
+
+/// Says where the server listens and on what it runs.
+fn introduce(options: &Serve, listener: &TcpListener, sessions: &Sessions) -> Result<(), Failure> {
     let address = listener
         .local_addr()
         .map_err(|error| Failure::Failed(format!("the address listened on: {error}")))?;
@@ -93,19 +143,39 @@ async fn serve(options: &Serve, listener: TcpListener, sessions: Sessions) -> Re
         auth = "open",
         "listening on http://{address}"
     );
-    info!("sessions live in memory only: they are gone when the server stops");
-    if options.demo {
-        demo::create(&sessions)
-            .await
-            .map_err(|error| Failure::Failed(format!("the session 'demo': {error}")))?;
-        info!("the session 'demo' is at http://{address}/v1/sessions/demo");
+    if options.store.ephemeral {
+        info!("sessions live in memory only: they are gone when the server stops");
+    } else {
+        info!("sessions are kept in {}", options.store.data_dir.display());
     }
-    let shutdown = CancellationToken::new();
-    let signals = tokio::spawn(stop_on_signal(shutdown.clone()));
-    let app = App { stream: options.stream, ..App::new(sessions, options.requests) };
-    let served = http::run(listener, app, shutdown).await;
-    signals.abort();
-    served.map_err(|error| Failure::Failed(format!("serving: {error}")))
+    Ok(())
+}
+
+/// Creates the session `demo`, unless it is there from before.
+async fn make_demo(sessions: Sessions) {
+    while !sessions.vitals().is_recovered() {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    match demo::create(&sessions).await {
+        Ok(()) | Err(SessionError::Conflict(_)) => info!("there is a session 'demo'"),
+        Err(error) => warn!("the session 'demo' could not be made: {error}"),
+    }
+}
+
+/// Opens what sessions are kept in.
+///
+/// # Errors
+/// Where it can't be used.
+fn open_store(config: &StoreConfig) -> Result<Box<dyn Store>, Failure> {
+    if config.ephemeral {
+        return Ok(Box::new(Ephemeral));
+    }
+    match RedbStore::in_directory(&config.data_dir) {
+        Ok(store) => Ok(Box::new(store)),
+        Err(error) => Err(Failure::Failed(format!(
+            "{error}; choose another with --data-dir, or keep nothing with --ephemeral"
+        ))),
+    }
 }
 
 /// Opens what the snowpacks will live on.

@@ -27,6 +27,7 @@ pub struct CpuBackend {
     memory: u64,
     memory_budget: Option<u64>,
     always_awake: bool,
+    lost: bool,
 }
 
 impl CpuBackend {
@@ -40,6 +41,7 @@ impl CpuBackend {
             memory: 0,
             memory_budget,
             always_awake,
+            lost: false,
         }
     }
 
@@ -128,6 +130,9 @@ impl Backend for CpuBackend {
     }
 
     fn submit(&mut self, frame: Frame) -> Result<(), EngineError> {
+        if self.lost {
+            return Err(EngineError::DeviceFailed("the device was lost".to_owned()));
+        }
         let mut outcome = Outcome::default();
         for work in frame.work {
             let done = self.work(work, &mut outcome.tiles)?;
@@ -143,6 +148,10 @@ impl Backend for CpuBackend {
 
     fn memory(&self) -> u64 {
         self.memory
+    }
+
+    fn lose(&mut self) {
+        self.lost = true;
     }
 }
 

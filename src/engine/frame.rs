@@ -275,4 +275,8 @@ pub trait Backend {
 
     /// Bytes of device memory held for snowpacks.
     fn memory(&self) -> u64;
+
+    /// Loses the device, as when its driver crashes, for tests of what happens then.
+    #[doc(hidden)]
+    fn lose(&mut self);
 }

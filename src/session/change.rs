@@ -6,7 +6,8 @@ use utoipa::ToSchema;
 use crate::snow::{Position, Shape};
 
 /// A change of a session, validated when it is applied.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Change {
     /// Fresh snow falls.
     Snowfall(Snowfall),
@@ -113,11 +114,11 @@ pub struct SettingsPatch {
     pub stiffness_exponent: Option<f64>,
     /// Seconds without request or stream after which the session may hibernate, `null` for never;
     /// this version keeps it awake.
-    #[serde(deserialize_with = "some")]
+    #[serde(deserialize_with = "some", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<f64>)]
     pub idle_timeout_s: Option<Option<f64>>,
     /// Seconds without request or stream after which the session is deleted; `null` for never.
-    #[serde(deserialize_with = "some")]
+    #[serde(deserialize_with = "some", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<f64>)]
     pub delete_after_s: Option<Option<f64>>,
 }

@@ -1,7 +1,7 @@
 //! A session as the rest of the server sees it.
 
 use std::any::Any;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 
 use serde::Serialize;
@@ -13,16 +13,17 @@ use crate::engine::frame::TileCells;
 use crate::snow::{CELL, ColumnRect};
 
 use super::change::{Change, StepSpec};
-use super::clock::FRAME_RATE;
+use super::clock::{Clock, FRAME_RATE};
 use super::error::{Invalid, SessionError};
 use super::gather::Sampled;
+use super::journal::Identity;
 use super::message::{self, Message};
 use super::mirror::Mirror;
 use super::registry::Sessions;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 use super::spec::{Limits, SessionSpec};
-use super::token::TokenHashes;
+use super::token::{TokenHashes, Tokens};
 use super::view::{Applied, ColumnView, MassView, SessionView, Stamp, State};
 use super::{gather, view};
 
@@ -85,7 +86,7 @@ pub struct Session {
     /// When it was created, RFC 3339.
     pub created_at: String,
     /// Hashes of its tokens.
-    pub tokens: TokenHashes,
+    tokens: RwLock<TokenHashes>,
     /// The snapshot that it was made from, where it was.
     pub(super) origin: Option<Arc<[u8]>>,
     pub(super) limits: Limits,
@@ -95,6 +96,10 @@ pub struct Session {
     pub(super) published: watch::Sender<u64>,
     pub(super) events: broadcast::Sender<Event>,
     pub(super) gone: CancellationToken,
+    /// Its memory is freed, and its time stands still.
+    pub(super) hibernating: AtomicBool,
+    /// Seqs, first and last, whose states were lost.
+    lost: RwLock<Arc<[(u64, u64)]>>,
     /// Lowest and highest elevation of the ground \[m\].
     pub(super) ground: (f64, f64),
     /// Frame of the newest request.
@@ -113,20 +118,41 @@ impl Session {
         origin: Option<Arc<[u8]>>,
         tokens: TokenHashes,
     ) -> Session {
-        let clock = super::clock::Clock::new(spec.tick_rate, spec.time_scale);
-        let mirror = Mirror::new(spec.grid, spec.material, spec.settings(), clock);
-        Session {
+        let key = sessions.keys.fetch_add(1, Ordering::Relaxed);
+        let identity = Identity {
             id,
             epoch: ulid::Ulid::generate().to_string(),
             created_at: humantime::format_rfc3339_millis(std::time::SystemTime::now()).to_string(),
+            tokens,
+            spec,
+        };
+        Session::identified(sessions, key, identity, origin)
+    }
+
+    /// A session that is known already.
+    pub(super) fn identified(
+        sessions: &Sessions,
+        key: u64,
+        identity: Identity,
+        origin: Option<Arc<[u8]>>,
+    ) -> Session {
+        let Identity { id, epoch, created_at, tokens, spec } = identity;
+        let clock = Clock::new(spec.tick_rate, spec.time_scale);
+        let mirror = Mirror::new(spec.grid, spec.material, spec.settings(), clock);
+        Session {
+            id,
+            epoch,
+            created_at,
             origin,
             limits: *sessions.limits(),
-            tokens,
-            key: sessions.keys.fetch_add(1, Ordering::Relaxed),
+            tokens: RwLock::new(tokens),
+            key,
             published: watch::Sender::new(mirror.seq),
             mirror: RwLock::new(mirror),
             events: broadcast::Sender::new(EVENT_BACKLOG),
             gone: CancellationToken::new(),
+            hibernating: AtomicBool::new(false),
+            lost: RwLock::new(Arc::new([])),
             ground: spec.ground_range(),
             last_used: AtomicU64::new(sessions.frames.load(Ordering::Relaxed)),
             world: sessions.world.clone(),
@@ -134,6 +160,69 @@ impl Session {
             companion: OnceLock::new(),
             spec,
         }
+    }
+
+    /// Goes on from what was published before the server was started.
+    pub(super) fn go_on_from(&self, seq: u64, versions: Option<&[u64]>) {
+        let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        mirror.go_on_from(seq, versions);
+        self.published.send_replace(seq);
+    }
+
+    /// Shows that time does not pass any more.
+    pub(super) fn stand_still(&self, clock: Clock) {
+        let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        mirror.clock = clock;
+        mirror.resting_since = None;
+        mirror.active_tiles = 0;
+    }
+
+    /// What the journal knows it by.
+    pub(super) fn identity(&self) -> Identity {
+        Identity {
+            id: self.id.clone(),
+            epoch: self.epoch.clone(),
+            created_at: self.created_at.clone(),
+            tokens: self.tokens(),
+            spec: self.spec.clone(),
+        }
+    }
+
+    /// Hashes of its tokens.
+    pub fn tokens(&self) -> TokenHashes {
+        *self.tokens.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Gives it other tokens; the old ones stop working when this returns.
+    ///
+    /// # Errors
+    /// [`SessionError::StorageFailed`], and [`SessionError::Internal`] where there are no random
+    /// numbers; the old ones go on working then.
+    pub async fn reissue_tokens(&self) -> Result<Tokens, SessionError> {
+        let tokens = Tokens::generate()
+            .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
+        let hashes = tokens.hashes();
+        self.ask(|reply| Message::Tokens { key: self.key, hashes, reply }).await?;
+        Ok(tokens)
+    }
+
+    pub(super) fn set_tokens(&self, tokens: TokenHashes) {
+        *self.tokens.write().unwrap_or_else(PoisonError::into_inner) = tokens;
+    }
+
+    /// Seqs, first and last, whose states were lost: what has changed since can't be told.
+    pub fn lost_seqs(&self) -> Arc<[(u64, u64)]> {
+        self.lost.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub(super) fn set_lost_seqs(&self, lost: &[(u64, u64)]) {
+        *self.lost.write().unwrap_or_else(PoisonError::into_inner) = lost.into();
+    }
+
+    /// The snapshot that it was made from, where it was.
+    pub(super) fn origin_snapshot(&self) -> Option<Snapshot> {
+        // It was decoded when the session was made.
+        self.origin.as_ref().and_then(|bytes| Snapshot::decode(bytes, &Limits::NONE).ok())
     }
 
     /// The published state. Hold it only to copy out of it: publications wait meanwhile.
@@ -193,7 +282,7 @@ impl Session {
             material: mirror.material,
             settings: mirror.settings,
             terrain: self.spec.terrain.clone(),
-            state: if mirror.settings.paused { State::Paused } else { State::Running },
+            state: self.state(mirror.settings.paused),
             tick: clock.tick(),
             seq: mirror.seq,
             epoch: self.epoch.clone(),
@@ -205,7 +294,15 @@ impl Session {
         }
     }
 
-    /// Applies a change in the next frame, and returns when the next read sees it.
+    fn state(&self, paused: bool) -> State {
+        match (self.hibernating.load(Ordering::Relaxed), paused) {
+            (true, _) => State::Hibernating,
+            (false, true) => State::Paused,
+            (false, false) => State::Running,
+        }
+    }
+
+    /// Applies a change in the next frame, and returns when it is durable and the next read sees it.
     ///
     /// # Errors
     /// Those of the change; it is applied whole or not at all.
@@ -307,7 +404,8 @@ impl Session {
     /// Runs a closure on the world's thread with the session's simulation, for diagnosis.
     ///
     /// # Errors
-    /// [`SessionError::Internal`] where the closure panics; the session is gone then.
+    /// [`SessionError::Internal`] where the closure panics; the session goes back to what is durable
+    /// of it then.
     pub async fn inspect<T: Send + 'static>(
         &self,
         look: impl FnOnce(&Simulation) -> T + Send + 'static,

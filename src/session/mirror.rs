@@ -69,6 +69,30 @@ impl Mirror {
         self.versions[changed.tile as usize] = seq;
     }
 
+    /// Takes over a tile as it was when its version was noted.
+    pub(super) fn recall(&mut self, tile: &TileHeights) {
+        self.tiles[tile.tile as usize] = tile.heights;
+    }
+
+    /// Whether a tile's heights are those already known.
+    pub(super) fn shows(&self, tile: &TileHeights) -> bool {
+        self.tiles[tile.tile as usize] == tile.heights
+    }
+
+    /// Goes on from what was published before the server was started: up to `seq`, with the
+    /// versions that tiles had, where they are known.
+    pub(super) fn go_on_from(&mut self, seq: u64, versions: Option<&[u64]>) {
+        self.seq = seq;
+        if let Some(versions) = versions.filter(|known| known.len() == self.versions.len()) {
+            self.versions.copy_from_slice(versions);
+        }
+    }
+
+    /// `seq` at which each tile last changed.
+    pub(super) fn versions(&self) -> &[u64] {
+        &self.versions
+    }
+
     /// Publishes a change of a tile, for tests of what is made of it.
     #[cfg(test)]
     pub(crate) fn change(&mut self, tile: u32, seq: u64) {

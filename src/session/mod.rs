@@ -7,6 +7,7 @@ mod error;
 mod falling;
 mod gather;
 mod handle;
+mod journal;
 mod message;
 mod mirror;
 mod orders;
@@ -44,4 +45,4 @@ pub use view::{
     Summary, WeakLayerView,
 };
 pub use vitals::Vitals;
-pub use world::{World, WorldConfig};
+pub use world::{Durability, Fault, OpenBackend, StartError, World, WorldConfig};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Bound;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use tokio::sync::mpsc;
@@ -16,6 +16,7 @@ use super::snapshot::Snapshot;
 use super::spec::{Limits, SessionSpec};
 use super::token::Tokens;
 use super::vitals::Vitals;
+use super::world::Fault;
 
 /// Sessions by name; a name is taken from the moment its creation begins.
 #[derive(Debug, Default)]
@@ -60,6 +61,12 @@ impl Names {
         Ok(())
     }
 
+    /// Enters a session that outlived the last stop.
+    pub(super) fn recover(&self, session: Arc<Session>) {
+        let entry = Entry { cells: session.spec.grid.cells(), session: Some(session.clone()) };
+        self.write().insert(session.id.clone(), entry);
+    }
+
     /// Forgets a session.
     pub(super) fn remove(&self, id: &str) {
         self.write().remove(id);
@@ -76,6 +83,8 @@ pub struct Sessions {
     limits: Limits,
     /// The next session's key.
     pub(super) keys: Arc<AtomicU64>,
+    /// No more sessions are made.
+    closed: Arc<AtomicBool>,
 }
 
 impl Sessions {
@@ -86,7 +95,20 @@ impl Sessions {
         frames: Arc<AtomicU64>,
         limits: Limits,
     ) -> Sessions {
-        Sessions { names, world, vitals, frames, limits, keys: Arc::default() }
+        let (keys, closed) = (Arc::default(), Arc::default());
+        Sessions { names, world, vitals, frames, limits, keys, closed }
+    }
+
+    /// Breaks something, for tests of what happens then.
+    #[doc(hidden)]
+    pub async fn sabotage(&self, fault: Fault) {
+        // The world may have ended.
+        let _ = self.world.send(Message::Break(fault)).await;
+    }
+
+    /// Makes no more sessions: the server is about to stop.
+    pub fn close(&self) {
+        self.closed.store(true, Ordering::Relaxed);
     }
 
     /// Creates a session; returns when its first state is published.
@@ -125,6 +147,12 @@ impl Sessions {
         spec: SessionSpec,
         saved: Option<(Arc<[u8]>, Box<Snapshot>)>,
     ) -> Result<(Arc<Session>, Tokens), SessionError> {
+        if self.closed.load(Ordering::Relaxed) {
+            return Err(SessionError::Unavailable("the server is stopping".to_owned()));
+        }
+        if !self.vitals.is_recovered() {
+            return Err(recovering());
+        }
         let id = id.unwrap_or_else(|| ulid::Ulid::generate().to_string());
         let tokens = Tokens::generate()
             .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
@@ -145,12 +173,20 @@ impl Sessions {
     /// A session by its name.
     ///
     /// # Errors
-    /// [`SessionError::NotFound`].
+    /// [`SessionError::NotFound`]; [`SessionError::Unavailable`] while sessions are brought back.
     pub fn get(&self, id: &str) -> Result<Arc<Session>, SessionError> {
         let session = self.names.read().get(id).and_then(|entry| entry.session.clone());
-        let session =
-            session.ok_or_else(|| SessionError::NotFound { kind: "session", id: id.to_owned() })?;
+        let Some(session) = session else {
+            if !self.vitals.is_recovered() {
+                return Err(recovering());
+            }
+            return Err(SessionError::NotFound { kind: "session", id: id.to_owned() });
+        };
         session.touch();
+        if session.hibernating.load(Ordering::Relaxed) {
+            // A queue that is full wakes it with what is asked for next.
+            let _ = self.world.try_send(Message::Wake { key: session.key });
+        }
         Ok(session)
     }
 
@@ -193,6 +229,10 @@ impl Sessions {
     pub fn vitals(&self) -> &Vitals {
         &self.vitals
     }
+}
+
+fn recovering() -> SessionError {
+    SessionError::Unavailable("sessions are being brought back; /readyz says when".to_owned())
 }
 
 /// Gives a reserved name back where the creation fails or is abandoned.

@@ -11,6 +11,7 @@ pub struct Vitals {
     /// The device the snowpacks live on.
     pub device: DeviceInfo,
     pub(super) healthy: AtomicBool,
+    pub(super) recovered: AtomicBool,
     pub(super) memory: AtomicU64,
     pub(super) slipped_us: AtomicU64,
 }
@@ -19,6 +20,11 @@ impl Vitals {
     /// Whether frames are being carried out.
     pub fn is_healthy(&self) -> bool {
         self.healthy.load(Ordering::Relaxed)
+    }
+
+    /// Whether all sessions that outlived the last stop are back.
+    pub fn is_recovered(&self) -> bool {
+        self.recovered.load(Ordering::Acquire)
     }
 
     /// Bytes of device memory held for snowpacks.

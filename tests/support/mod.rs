@@ -155,8 +155,7 @@ impl Server {
 
     /// Starts a server.
     pub async fn start_with(backend: BackendChoice, options: Options) -> Server {
-        let engine =
-            EngineConfig { backend, device_memory: options.device_memory, ephemeral: true };
+        let engine = EngineConfig { backend, device_memory: options.device_memory };
         let backend = open_backend(&engine).expect(
             "a graphics adapter is needed, a software one will do; FIRN_SKIP_GPU_TESTS=1 leaves \
              these tests out",

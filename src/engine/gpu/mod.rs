@@ -116,6 +116,10 @@ impl Backend for GpuBackend {
     fn memory(&self) -> u64 {
         self.arena.memory()
     }
+
+    fn lose(&mut self) {
+        self.device.device.destroy();
+    }
 }
 
 impl GpuBackend {

@@ -1,25 +1,30 @@
 //! The loop of the world's thread: beats, frames and what came of them.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
-use tracing::{error, info};
+use tracing::error;
 
 use crate::engine::frame::{Backend, EngineError, Frame, Outcome};
 use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
 use crate::session::gather::MOST_SAMPLES;
+use crate::session::handle::Session;
+use crate::session::journal::Journal;
 use crate::session::message::Message;
+use crate::session::orders::Answer;
 use crate::session::registry::Names;
 use crate::session::simulation::Simulation;
 use crate::session::vitals::Vitals;
 
+use super::revive::Revival;
+use super::rounds::Rounds;
 use super::slots::Slots;
-use super::{INBOX, WorldConfig};
+use super::{INBOX, OpenBackend, WorldConfig};
 
 /// Longest wait for the device at a time.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -27,7 +32,9 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// What lives on the world's thread.
 pub(super) struct Engine {
     pub(super) backend: Box<dyn Backend + Send>,
+    pub(super) open: OpenBackend,
     pub(super) config: WorldConfig,
+    pub(super) checkpoint_interval: Duration,
     pub(super) inbox: mpsc::Receiver<Message>,
     pub(super) clock: tokio::runtime::Runtime,
     pub(super) names: Arc<Names>,
@@ -36,33 +43,50 @@ pub(super) struct Engine {
     pub(super) frame: u64,
     /// A session has as many edits for the next frame as one frame should carry.
     pub(super) full: bool,
-    /// Frame of the next look for sessions that nobody wants.
-    pub(super) next_inspection: u64,
+    /// Frame in which sessions were last looked after.
+    pub(super) looked_after: u64,
     pub(super) next_beat: Instant,
     pub(super) simulations: HashMap<u64, Simulation>,
     /// Keys of the simulations that want to be in the coming frames.
     pub(super) active: HashSet<u64>,
+    pub(super) rounds: Rounds,
+    /// Sessions whose memory is freed.
+    pub(super) hibernating: HashMap<u64, Arc<Session>>,
+    /// Who waits for a session to be deleted.
+    pub(super) leaving: HashMap<u64, Vec<Answer<()>>>,
     pub(super) slots: Slots,
+    pub(super) journal: Journal,
+    /// Sessions that are to be brought back before anything else.
+    pub(super) comebacks: BTreeMap<u64, Revival>,
+    /// Sessions are being brought back.
+    pub(super) reviving: bool,
+    /// Sessions that panicked.
+    pub(super) fallen: Vec<u64>,
+    /// The session of which a checkpoint is being made.
+    pub(super) checkpointing: Option<u64>,
+    /// Told to stop: until when checkpoints may be begun.
+    pub(super) stop: Option<Instant>,
 }
 
 impl Engine {
     /// Works until it is told to stop.
     ///
     /// # Errors
-    /// Those of the backend, after which nothing can go on.
+    /// Those of the backend, after which it has to be opened anew.
     pub(super) fn run(&mut self) -> Result<(), EngineError> {
+        self.bring_back()?;
         loop {
-            if !self.take_messages() {
+            if !self.take_messages()? {
                 return Ok(());
             }
             let publish = self.beat();
-            self.delete_forsaken();
+            self.look_after_sessions()?;
             self.carry_out_frame(publish)?;
         }
     }
 
     /// Waits for a request or the next beat, and takes in what has arrived. False means stop.
-    fn take_messages(&mut self) -> bool {
+    fn take_messages(&mut self) -> Result<bool, EngineError> {
         let busy = self.active.iter().any(|key| self.simulations[key].has_orders());
         if !busy {
             let deadline = tokio::time::Instant::from_std(self.next_beat);
@@ -70,11 +94,11 @@ impl Engine {
             let wait = async { tokio::time::timeout_at(deadline, inbox.recv()).await };
             match self.clock.block_on(wait) {
                 Ok(Some(message)) => {
-                    if !self.take_message(message) {
-                        return false;
+                    if !self.take_message(message)? {
+                        return Ok(false);
                     }
                 }
-                Ok(None) => return false,
+                Ok(None) => return Ok(false),
                 Err(_) => {}
             }
         }
@@ -86,15 +110,16 @@ impl Engine {
             }
             match self.inbox.try_recv() {
                 Ok(message) => {
-                    if !self.take_message(message) {
-                        return false;
+                    if !self.take_message(message)? {
+                        return Ok(false);
                     }
                 }
                 Err(mpsc::error::TryRecvError::Empty) => break,
-                Err(mpsc::error::TryRecvError::Disconnected) => return false,
+                Err(mpsc::error::TryRecvError::Disconnected) => return Ok(false),
             }
         }
-        true
+        self.hear_journal()?;
+        Ok(true)
     }
 
     /// Counts the frame where one is due. Returns whether publications are due with it.
@@ -117,32 +142,8 @@ impl Engine {
         publications(self.frame) > publications(self.frame - 1)
     }
 
-    /// Deletes, once a second, the sessions that nobody has asked for as long as they are kept.
-    fn delete_forsaken(&mut self) {
-        if self.frame < self.next_inspection {
-            return;
-        }
-        self.next_inspection = self.frame + FRAME_RATE as u64;
-        let mut forsaken = Vec::new();
-        for (&key, simulation) in &self.simulations {
-            let session = &simulation.session;
-            // A request under way and a stream hold the session as well as we and its name do.
-            if Arc::strong_count(session) > 2 {
-                session.touch();
-            }
-            let kept = simulation.settings.delete_after_s;
-            if kept.is_some_and(|seconds| session.idle_for() > seconds) {
-                forsaken.push((key, session.id.clone()));
-            }
-        }
-        for (key, id) in forsaken {
-            info!(session = id, "deleted: nobody has asked for it");
-            self.remove(key, &SessionError::NotFound { kind: "session", id });
-        }
-    }
-
     /// Submits one frame for everybody who has something to do, and concludes it.
-    fn carry_out_frame(&mut self, publish: bool) -> Result<(), EngineError> {
+    pub(super) fn carry_out_frame(&mut self, publish: bool) -> Result<(), EngineError> {
         let (number, sleep) = (self.frame, self.config.sleep);
         let mut frame = Frame::default();
         let mut keys = Vec::new();
@@ -185,8 +186,10 @@ impl Engine {
                 }
                 simulation.conclude(work, tiles);
             });
+            self.hand_over(key);
             self.review(key);
         }
+        self.journal.send();
         self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
     }
 
@@ -198,19 +201,28 @@ impl Engine {
         };
     }
 
-    /// Does something with one simulation. A panic ends that session and no other.
+    /// Does something with one simulation. A panic has it brought back, and harms no other.
     pub(super) fn guard<T>(
         &mut self,
         key: u64,
         act: impl FnOnce(&mut Simulation) -> T,
     ) -> Option<T> {
+        if self.fallen.contains(&key) {
+            return None;
+        }
         let simulation = self.simulations.get_mut(&key)?;
         match catch_unwind(AssertUnwindSafe(|| act(simulation))) {
             Ok(value) => Some(value),
             Err(_) => {
                 let id = simulation.session.id.clone();
-                error!(session = id, "handling this session panicked; it is ended");
-                self.remove(key, &SessionError::Internal(format!("session '{id}' failed")));
+                self.active.remove(&key);
+                if self.reviving {
+                    error!(session = id, "bringing this session back panicked; it is set aside");
+                    self.remove(key, &SessionError::Internal(format!("session '{id}' failed")));
+                } else {
+                    error!(session = id, "handling this session panicked; it is brought back");
+                    self.fallen.push(key);
+                }
                 None
             }
         }
