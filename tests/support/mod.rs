@@ -8,7 +8,7 @@ use std::time::Duration;
 use firn::cli::open_backend;
 use firn::config::{BackendChoice, EngineConfig, RequestConfig, StreamConfig};
 use firn::http::App;
-use firn::session::{Limits, Sessions, World, WorldConfig};
+use firn::session::{Durability, Limits, Sessions, World, WorldConfig};
 use reqwest::header::{ACCEPT, CONTENT_TYPE, HeaderMap};
 use reqwest::{Client, Method};
 use serde_json::{Value, json};
@@ -32,7 +32,7 @@ macro_rules! on_each_backend {
             $(
                 #[tokio::test(flavor = "multi_thread")]
                 async fn $name() {
-                    if super::support::skips_gpu() {
+                    if $crate::support::skips_gpu() {
                         eprintln!("SKIPPED: FIRN_SKIP_GPU_TESTS=1");
                         return;
                     }
@@ -155,13 +155,25 @@ impl Server {
 
     /// Starts a server.
     pub async fn start_with(backend: BackendChoice, options: Options) -> Server {
+        Server::start_stored(backend, options, Durability::ephemeral()).await
+    }
+
+    /// Starts a server whose sessions outlive it in some way, and waits until they are back.
+    pub async fn start_stored(
+        backend: BackendChoice,
+        options: Options,
+        durability: Durability,
+    ) -> Server {
         let engine = EngineConfig { backend, device_memory: options.device_memory };
-        let backend = open_backend(&engine).expect(
+        let open = Box::new(move || open_backend(&engine));
+        let config = WorldConfig { limits: options.limits, publish_rate: 20.0, sleep: true };
+        let (sessions, world) = World::open(open, config, durability).expect(
             "a graphics adapter is needed, a software one will do; FIRN_SKIP_GPU_TESTS=1 leaves \
              these tests out",
         );
-        let config = WorldConfig { limits: options.limits, publish_rate: 20.0, sleep: true };
-        let (sessions, world) = World::start(backend, config).expect("the world starts");
+        while !sessions.vitals().is_recovered() {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port is free");
         let url = format!("http://{}", listener.local_addr().expect("it has an address"));
         let shutdown = CancellationToken::new();
