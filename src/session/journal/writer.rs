@@ -35,10 +35,10 @@ const LARGEST_BATCH: usize = 16_384;
 const LONGEST_BACKLOG: usize = 65_536;
 
 /// What the world is told.
-#[derive(Debug)]
 pub(crate) enum Feedback {
-    /// Something of these sessions was not made durable: they have to go back to what is.
-    Undo(Vec<u64>),
+    /// Something of these sessions was not made durable: they have to go back to what is. Then
+    /// whoever waits is refused.
+    Undo { keys: Vec<u64>, refused: Vec<Ack>, why: SessionError },
     /// What came of a checkpoint.
     Checkpoint { key: u64, generation: u64, stored: bool },
     /// Whether a session is no longer stored.
@@ -330,7 +330,9 @@ impl Writer {
         let count = batch.len();
         let (fitting, void) = self.sort(batch);
         for submission in void {
-            let why = SessionError::Unavailable("the session was brought back meanwhile".into());
+            let why = SessionError::Unavailable(
+                "the session went back to what is stored; nothing was changed, try again".into(),
+            );
             self.drop_checkpoint(&submission);
             refuse(submission.acks, &why);
         }
@@ -400,21 +402,23 @@ impl Writer {
             error!("the store can't be written to: {failure}; changes are refused until it can");
             self.next_attempt = Instant::now() + RETRY;
         }
-        let mut undo = Vec::new();
-        for submission in &batch {
+        let (mut undo, mut refused) = (Vec::new(), Vec::new());
+        let why = unstorable(failure);
+        for submission in batch {
             self.spoiled.insert(submission.key);
-            self.drop_checkpoint(submission);
+            self.drop_checkpoint(&submission);
             let replaced = matches!(submission.records[..], [Record::Checkpoint(_)] | []);
             if submission.can_wait() {
                 if let Some(Record::Mark(mark)) = submission.records.last() {
                     self.late.insert(submission.key, (submission.generation, mark.clone()));
                 }
             } else if submission.deletes() {
-                let result = Err(unstorable(failure));
+                let result = Err(why.clone());
                 self.tell(Feedback::Deleted { key: submission.key, result });
             } else if !replaced && !undo.contains(&submission.key) {
                 undo.push(submission.key);
             }
+            refused.extend(submission.acks);
         }
         {
             let mut image = lock(&self.shared.image);
@@ -425,9 +429,8 @@ impl Writer {
             }
         }
         if !undo.is_empty() {
-            self.tell(Feedback::Undo(undo));
+            self.tell(Feedback::Undo { keys: undo, refused, why });
         }
-        refuse_all(batch, &unstorable(failure));
     }
 
     /// Writes anew what the store may hold wrongly, once it can be written to again.

@@ -106,7 +106,11 @@ impl Engine {
     pub(super) fn hear_journal(&mut self) -> Result<(), EngineError> {
         while let Some(feedback) = self.journal.told() {
             match feedback {
-                Feedback::Undo(keys) => self.go_back(&keys)?,
+                Feedback::Undo { keys, refused, why } => {
+                    let done = self.go_back(&keys);
+                    refused.into_iter().for_each(|ack| ack(Err(why.clone())));
+                    done?;
+                }
                 Feedback::Deleted { key, result } => self.deleted(key, &result),
                 Feedback::Checkpoint { key, generation, stored } => {
                     self.checkpointed(key, generation, stored);
