@@ -23,13 +23,14 @@ use super::handlers::{
     probes, sessions, snapshots, snowfalls,
 };
 use super::state::App;
+use super::viewer;
 
 /// The whole server.
 pub fn router(app: App) -> Router {
     let (timed, _) = timed_routes().split_for_parts();
     let (untimed, _) = untimed_routes().split_for_parts();
     let limit = middleware::from_fn_with_state(app.clone(), limit_time);
-    let routes = timed.layer(limit).merge(untimed);
+    let routes = timed.layer(limit).merge(untimed).merge(viewer::routes());
     dress(routes, &app).with_state(app)
 }
 
