@@ -82,27 +82,30 @@ export const fields = {
 /** Name of a field. */
 export type FieldName = keyof typeof fields;
 
-/** The ends of a colour scale. */
+/** The ends of a colour scale. Values beyond them have the colour of the end. */
 export interface Range {
   low: number;
   high: number;
+  /** Whether there are values beyond each end. */
+  below: boolean;
+  above: boolean;
 }
 
-/** What a field's colours are spread over: all its values, its middle at 0 where it has one. */
+/** One value in so many may lie beyond an end: a few extremes don't take all the colours. */
+const BEYOND = 250;
+
+/** What a field's colours are spread over: nearly all its values, 0 in the middle where the field has one. */
 export function rangeOf(field: Field, values: Float32Array): Range {
-  let low = Number.POSITIVE_INFINITY;
-  let high = Number.NEGATIVE_INFINITY;
-  for (const value of values) {
-    if (value < low) low = value;
-    if (value > high) high = value;
-  }
-  if (low > high) return { low: 0, high: field.leastRange };
-  if (field.diverging) {
-    const reach = Math.max(-low, high, field.leastRange / 2);
-    return { low: -reach, high: reach };
-  }
-  const missing = Math.max(0, field.leastRange - (high - low));
-  return { low: low - missing / 2, high: high + missing / 2 };
+  const sorted = values.filter((value) => !Number.isNaN(value)).sort();
+  if (sorted.length === 0) return { low: 0, high: field.leastRange, below: false, above: false };
+  const last = sorted.length - 1;
+  const few = Math.floor(last / BEYOND);
+  const [least, most] = [sorted[0] as number, sorted[last] as number];
+  const [from, to] = [sorted[few] as number, sorted[last - few] as number];
+  const missing = Math.max(0, field.leastRange - (to - from));
+  const reach = Math.max(-from, to, field.leastRange / 2);
+  const [low, high] = field.diverging ? [-reach, reach] : [from - missing / 2, to + missing / 2];
+  return { low, high, below: least < low, above: most > high };
 }
 
 /** A field's colours as pixels from the least to the greatest value: red, green, blue, opaque. */

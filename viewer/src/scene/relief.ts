@@ -113,13 +113,12 @@ export class Relief {
   private skySeen(x: number, z: number): number {
     const here = this.at(x, z);
     let hidden = 0;
-    for (const distance of [1, 3]) {
-      for (const [dx, dz] of AROUND) {
-        const rise = this.blockedAt(x + Math.round(dx * distance), z + Math.round(dz * distance)) - here;
-        if (rise > 0) hidden += rise / (rise + distance * this.spacing);
-      }
+    for (let i = 0; i < AROUND.length; i += 3) {
+      const distance = AROUND[i + 2] as number;
+      const rise = this.blockedAt(x + (AROUND[i] as number), z + (AROUND[i + 1] as number)) - here;
+      if (rise > 0) hidden += rise / (rise + distance * this.spacing);
     }
-    return 1 - Math.min(0.75, (hidden / (2 * AROUND.length)) * 1.15);
+    return 1 - Math.min(0.75, (3.45 * hidden) / AROUND.length);
   }
 
   /** How much of the sun is seen, with soft edges: follows the ray to it. */
@@ -142,16 +141,13 @@ export class Relief {
   }
 }
 
-const AROUND = [
-  [1, 0],
-  [0, 1],
-  [-1, 0],
-  [0, -1],
-  [0.7, 0.7],
-  [-0.7, 0.7],
-  [0.7, -0.7],
-  [-0.7, -0.7],
-].map(([x, z]) => [x as number, z as number] as const);
+/** Samples that may hide the sky: how far along x and z, and their distance. */
+const AROUND = [1, 3].flatMap((far) => {
+  const near = Math.round(0.7 * far);
+  const straight = [far, 0, far, 0, far, far, -far, 0, far, 0, -far, far];
+  const across = [near, near, far, -near, near, far, near, -near, far, -near, -near, far];
+  return [...straight, ...across];
+});
 
 /** Elevation of the ground at a sample of a field [m]. */
 export function groundAt(field: HeightField, ground: Float32Array | null, sampleX: number, sampleZ: number): number {

@@ -63,7 +63,7 @@ export class Stage {
     const middle = new Vector3(size.x / 2, size.y / 2, size.z / 2);
     const radius = size.length() / 2;
     const narrow = Math.min(1, this.camera.aspect);
-    const distance = (radius / Math.sin((this.camera.fov * Math.PI) / 360) / narrow) * 0.92;
+    const distance = (radius / Math.sin((this.camera.fov * Math.PI) / 360) / narrow) * 1.06;
     this.controls.target.copy(middle);
     this.controls.minDistance = 0.15 * radius;
     this.controls.maxDistance = 4 * distance;

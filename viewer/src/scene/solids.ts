@@ -8,7 +8,7 @@ import {
   Mesh,
   ShaderMaterial,
 } from "three";
-import { light, lighting } from "./light.ts";
+import { light, lighting, snowColour } from "./light.ts";
 
 const vertexShader = /* glsl */ `
   attribute vec3 centre;
@@ -29,6 +29,7 @@ const fragmentShader = /* glsl */ `
   ${lighting}
   uniform sampler2D map;
   uniform float outlined;
+  uniform float flatness;
   varying vec3 vNormal;
   varying vec3 vOnFace;
   varying float vValue;
@@ -43,10 +44,11 @@ const fragmentShader = /* glsl */ `
 
   void main() {
     vec3 colour = texture(map, vec2(clamp(vValue, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
-    if (vValue > 1.5) colour = vec3(0.985, 0.99, 1.0);
+    if (vValue > 1.5) colour = ${snowColour};
     if (vValue < -0.5) colour = ground;
     colour *= 1.0 - 0.28 * outlined * edge();
-    gl_FragColor = vec4(lighted(colour, normalize(vNormal), 1.0, 1.0), 1.0);
+    vec3 shaded = lighted(colour, normalize(vNormal), 1.0, 1.0);
+    gl_FragColor = vec4(mix(shaded, colour, flatness), 1.0);
   }
 `;
 
@@ -66,11 +68,17 @@ export class Solids {
   readonly mesh: Mesh<InstancedBufferGeometry, ShaderMaterial>;
   private room = 0;
 
-  constructor(shape: BufferGeometry, outlined: boolean) {
+  /** Cells are outlined, and shaded but a little, so that their colours can be read off the legend. */
+  constructor(shape: BufferGeometry, asCells: boolean) {
     const geometry = new InstancedBufferGeometry();
     geometry.index = shape.index;
     for (const name of ["position", "normal"]) geometry.setAttribute(name, shape.getAttribute(name));
-    const uniforms = { ...light, map: { value: null }, outlined: { value: outlined ? 1 : 0 } };
+    const uniforms = {
+      ...light,
+      map: { value: null },
+      outlined: { value: asCells ? 1 : 0 },
+      flatness: { value: asCells ? 0.6 : 0 },
+    };
     this.mesh = new Mesh(geometry, new ShaderMaterial({ uniforms, vertexShader, fragmentShader }));
     this.mesh.frustumCulled = false;
     this.show([]);

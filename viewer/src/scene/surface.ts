@@ -2,7 +2,7 @@
 
 import type { HeightField } from "firn-client";
 import { BufferAttribute, BufferGeometry, DoubleSide, Group, Mesh, ShaderMaterial, Vector4 } from "three";
-import { light, lighting } from "./light.ts";
+import { light, lighting, snowColour } from "./light.ts";
 import { type Blocker, groundAt, LOOK, Relief, SHAPE } from "./relief.ts";
 import { type Tint, tinting } from "./tint.ts";
 
@@ -30,7 +30,7 @@ const surfaceFragment = /* glsl */ `
   varying vec2 vPlace;
   void main() {
     if (all(greaterThan(vPlace, hole.xy)) && all(lessThan(vPlace, hole.zw))) discard;
-    vec3 snow = tinted(vec3(0.985, 0.99, 1.0), vPlace);
+    vec3 snow = tinted(${snowColour}, vPlace);
     vec3 colour = mix(ground, snow, vLook.z);
     gl_FragColor = vec4(lighted(colour, normalize(vNormal), vLook.x, vLook.y), 1.0);
   }
@@ -54,9 +54,9 @@ const wallFragment = /* glsl */ `
   varying vec3 vNormal;
   varying vec2 vBelow;
   void main() {
-    vec3 snow = mix(vec3(0.96, 0.975, 1.0), vec3(0.74, 0.83, 0.93), min(1.0, vBelow.x));
+    vec3 snow = mix(vec3(0.97, 0.99, 1.0), vec3(0.76, 0.87, 0.98), min(1.0, vBelow.x));
     vec3 colour = vBelow.y > 0.5 ? ground * 0.8 : snow;
-    gl_FragColor = vec4(lighted(colour, vNormal, 0.95, 1.0), 1.0);
+    gl_FragColor = vec4(lighted(colour, vNormal, 1.2, 0.75), 1.0);
   }
 `;
 

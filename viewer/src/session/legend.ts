@@ -18,7 +18,10 @@ function fill(element: HTMLElement, { field, range, whole, cells }: Picture): vo
   if (!field) return;
   const { low, high } = range;
   const digits = high - low < 1 ? 2 : high - low < 10 ? 1 : 0;
-  const labels = [0, 0.25, 0.5, 0.75, 1].map((part) => h("span", {}, decimal(low + part * (high - low), digits)));
+  const sign = (part: number) => (part === 0 && range.below ? "≤\u202f" : part === 1 && range.above ? "≥\u202f" : "");
+  const labels = [0, 0.25, 0.5, 0.75, 1].map((part) =>
+    h("span", {}, `${sign(part)}${decimal(low + part * (high - low), digits)}`),
+  );
   const bar = h("div", { class: "bar", role: "img", "aria-label": `from ${low} to ${high} ${field.unit}` });
   // Set as a property: the page's policy allows no inline styles.
   bar.style.background = `linear-gradient(to right, ${field.colours.map((hex) => `#${hex}`).join(", ")})`;

@@ -107,7 +107,7 @@ export class Pictures {
     const { cell_size } = this.model.grid;
     const elevation = (y: number) => this.model.base + (y + 0.5) * cell_size;
     const values = field ? field.values(cells, elevation) : new Float32Array(cells.content.length).fill(Number.NaN);
-    return { cells, field, values, range: field ? rangeOf(field, values) : { low: 0, high: 1 }, whole: !part };
+    return { cells, field, values, range: rangeOf(field ?? fields.position, values), whole: !part };
   }
 
   private region(): ColumnRegion {

@@ -64,7 +64,7 @@ export function listen(
   let drag: { collider: Collider; level: number; dx: number; dz: number } | null = null;
 
   const begin = (event: PointerEvent) => {
-    if (event.target !== canvas || !event.isPrimary || event.button !== 0) return;
+    if (!event.isPrimary || event.button !== 0) return;
     down = { x: event.clientX, y: event.clientY, pointer: event.pointerId };
     const hit = viewport.pick(event.clientX, event.clientY);
     const collider = hit?.body ? model.colliders.get().find(({ id }) => id === hit.body) : undefined;
@@ -100,8 +100,8 @@ export function listen(
     look.column.set({ column_x: index(hit.x, width), column_z: index(hit.z, depth) });
   };
 
-  // Before the camera's own listeners, which the canvas calls later.
-  canvas.parentElement?.addEventListener("pointerdown", begin, { capture: true });
+  // Before the camera's own listeners.
+  canvas.addEventListener("pointerdown", begin, { capture: true });
   canvas.addEventListener("pointermove", move);
   canvas.addEventListener("pointerup", end);
   canvas.addEventListener("pointercancel", end);
