@@ -46,7 +46,7 @@ export async function colours(page: Page, selector: string, columns: number, row
   const read = async ([data, columns, rows]: [string, number, number]): Promise<number[][]> => {
     const bytes = Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0));
     const image = await createImageBitmap(new Blob([bytes], { type: "image/png" }));
-    const context = new OffscreenCanvas(image.width, image.height).getContext("2d");
+    const context = new OffscreenCanvas(image.width, image.height).getContext("2d", { willReadFrequently: true });
     if (!context) throw new Error("no canvas");
     context.drawImage(image, 0, 0);
     return Array.from({ length: columns * rows }, (_, i) => {

@@ -20,9 +20,9 @@ export function pit(column: Column): SVGSVGElement {
   const top = Math.max(column.height, 0.01);
   const y = scale(0, top, BOTTOM, TOP, 6);
   const most = (of: (layer: Layer) => number) => column.layers.reduce((most, layer) => Math.max(most, of(layer)), 0);
-  const hardness = scale(0, most((layer) => layer.hardness) || 1, MAIN.right, MAIN.left, 3);
+  const hardness = scale(0, most((layer) => layer.hardness) || 1, MAIN.right, MAIN.left, 4);
   const coldest = most((layer) => -layer.temperature);
-  const temperature = scale(0, -Math.max(coldest * 1.1, 1), MAIN.right, MAIN.left, 3);
+  const temperature = scale(0, -Math.max(coldest * 1.1, 1), MAIN.right, MAIN.left, 4);
   const density = scale(0, most((layer) => layer.density) * 1.05 || 1, SIDE.left, SIDE.right, 3);
   return svg(
     "svg",

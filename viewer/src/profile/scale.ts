@@ -11,7 +11,7 @@ export interface Scale {
 export function scale(low: number, high: number, from: number, to: number, count: number): Scale {
   const span = high - low || 1;
   const place = (value: number) => from + ((value - low) / span) * (to - from);
-  return Object.assign(place, { ticks: ticks(low, low + span, count) });
+  return Object.assign(place, { ticks: ticks(Math.min(low, low + span), Math.max(low, low + span), count) });
 }
 
 /** Multiples of 1, 2 or 5 times a power of ten. */

@@ -37,7 +37,7 @@ const fragmentShader = /* glsl */ `
   /** 1 on the edges of a face. Lines fade where faces are small on the screen. */
   float edge() {
     vec3 width = fwidth(vOnFace);
-    vec3 near = smoothstep(vec3(0.5) - 1.6 * width, vec3(0.5) - 0.4 * width, abs(vOnFace)) * step(abs(vNormal), vec3(0.5));
+    vec3 near = smoothstep(vec3(0.5) - 1.2 * width, vec3(0.5) - 0.3 * width, abs(vOnFace)) * step(abs(vNormal), vec3(0.5));
     float small = max(width.x, max(width.y, width.z));
     return max(near.x, max(near.y, near.z)) * (1.0 - smoothstep(0.12, 0.4, small));
   }
@@ -46,7 +46,7 @@ const fragmentShader = /* glsl */ `
     vec3 colour = texture(map, vec2(clamp(vValue, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
     if (vValue > 1.5) colour = ${snowColour};
     if (vValue < -0.5) colour = ground;
-    colour *= 1.0 - 0.28 * outlined * edge();
+    colour *= 1.0 - 0.2 * outlined * edge();
     vec3 shaded = lighted(colour, normalize(vNormal), 1.0, 1.0);
     gl_FragColor = vec4(mix(shaded, colour, flatness), 1.0);
   }

@@ -16,7 +16,9 @@ const TURN = 0.08;
 /** A place for an object: its footprint stays within the grid. */
 export function fitInto(grid: Grid, shape: Collider["shape"], x: number, z: number): { x: number; z: number } {
   const [width, , depth] = extentOf({ shape });
-  const fit = (at: number, extent: number, size: number) => Math.min(Math.max(at, extent / 2), size - extent / 2);
+  // To the millimetre, and within the grid whatever that rounds.
+  const fit = (at: number, extent: number, size: number) =>
+    Math.min(Math.max(Math.round(at * 1000) / 1000, extent / 2), size - extent / 2);
   return { x: fit(x, width, grid.width * grid.cell_size), z: fit(z, depth, grid.depth * grid.cell_size) };
 }
 

@@ -70,6 +70,8 @@ export function rates(model: Model, viewport: Viewport | null): { element: HTMLE
     const seconds = (now.at - before.at) / 1000;
     const rate = (count: number) => Math.max(0, Math.round(count / seconds));
     element.textContent = `${rate(now.frames - before.frames)} frames/s · ${rate(now.tick - before.tick)} ticks/s`;
+    element.dataset.frames = String(now.frames);
+    element.dataset.at = String(now.at);
     before = now;
   };
   const timer = window.setInterval(measure, WINDOW);

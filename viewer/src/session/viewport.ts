@@ -175,6 +175,7 @@ export class Viewport {
     const top = this.highest(field);
     this.stage.frameBlock(new Vector3(width * cell_size, top, depth * cell_size));
     this.framed = true;
+    performance.mark("first picture");
   }
 
   private highest(field: HeightField): number {
