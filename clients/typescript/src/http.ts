@@ -8,7 +8,7 @@ export class ProblemError extends Error {
 
   constructor(problem: Problem) {
     const fields = problem.errors.map(({ pointer, detail }) => `${pointer}: ${detail}`);
-    super([problem.detail, ...fields].join("\n"));
+    super([...new Set([problem.detail, ...fields])].join("\n"));
     this.name = "ProblemError";
     this.problem = problem;
   }

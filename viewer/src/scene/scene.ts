@@ -9,17 +9,25 @@ import type { Ray } from "./ray.ts";
 const STILL = 250;
 /** Frames longer than the first [ms] make the picture coarser, shorter than the second finer. */
 const [SLOW, FAST] = [30, 17.5];
-/** Finest and coarsest resolution, as a part of the screen's. */
+/** Coarsest resolution, as a part of the screen's. */
 const COARSEST = 0.5;
 
-/** Draws; animated by `advance`, which says whether it has to be called again. */
+/** What is drawn. */
+export interface Play {
+  /** Moves everything to where it is after so many milliseconds; true where it has to be called again. */
+  advance(milliseconds: number): boolean;
+  /** Whether the next frame is drawn as finely as can be, or quickly. */
+  refine(fine: boolean): void;
+}
+
+/** Draws when there is something new; on slow machines moving pictures coarsely, and still ones finely. */
 export class Stage {
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(38, 1, 0.1, 4000);
   readonly controls: OrbitControls;
   readonly canvas: HTMLCanvasElement;
   private readonly renderer: WebGLRenderer;
-  private readonly advance: (milliseconds: number) => boolean;
+  private readonly play: Play;
   private readonly resizing: ResizeObserver;
   private readonly darkness = matchMedia("(prefers-color-scheme: dark)");
   private fresh = true;
@@ -31,10 +39,10 @@ export class Stage {
   private refined = true;
   private frames = 0;
 
-  constructor(canvas: HTMLCanvasElement, advance: (milliseconds: number) => boolean) {
+  constructor(canvas: HTMLCanvasElement, play: Play) {
     this.canvas = canvas;
-    this.advance = advance;
-    this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware(), powerPreference: "high-performance" });
+    this.play = play;
+    this.renderer = new WebGLRenderer({ canvas, context: opaqueContext(canvas) });
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = true;
     this.controls.dampingFactor = 0.12;
@@ -113,20 +121,22 @@ export class Stage {
     this.running = requestAnimationFrame(this.frame);
     const passed = Math.min(200, now - this.before);
     this.before = now;
-    const moving = this.advance(passed);
+    const moving = this.play.advance(passed);
     this.controls.update();
     if (moving || this.fresh) {
       this.adapt(now, passed);
-      this.draw(this.resolution * devicePixelRatio);
+      this.draw(this.resolution);
       this.lastDrawn = now;
       this.refined = this.resolution === 1;
     } else if (!this.refined && now - this.lastDrawn > STILL) {
-      this.draw(devicePixelRatio);
+      this.draw(1);
       this.refined = true;
     }
   };
 
-  private draw(pixelRatio: number): void {
+  private draw(resolution: number): void {
+    const pixelRatio = resolution * devicePixelRatio;
+    this.play.refine(resolution === 1);
     if (this.renderer.getPixelRatio() !== pixelRatio) this.renderer.setPixelRatio(pixelRatio);
     this.renderer.render(this.scene, this.camera);
     this.fresh = false;
@@ -156,6 +166,12 @@ export class Stage {
 /** Whether this browser can draw at all. */
 export function hasWebGL(): boolean {
   return document.createElement("canvas").getContext("webgl2") !== null;
+}
+
+/** A context without transparency, which would cost the browser a blend of the whole picture. */
+function opaqueContext(canvas: HTMLCanvasElement): WebGL2RenderingContext {
+  const options = { alpha: false, stencil: false, antialias: !isSoftware(), powerPreference: "high-performance" };
+  return canvas.getContext("webgl2", options) as WebGL2RenderingContext;
 }
 
 /** Whether a processor does the drawing, for which smooth edges cost too much. */

@@ -60,6 +60,9 @@ const wallFragment = /* glsl */ `
   }
 `;
 
+/** Squares across a strip of triangles. */
+const STRIP = 6;
+
 /** Sides of the block: direction they face. */
 const SIDES = [
   [0, -1],
@@ -80,6 +83,8 @@ export class Surface {
   private shown: { field: HeightField; key: string } | null = null;
   private geometry = new BufferGeometry();
   private walls = new BufferGeometry();
+
+  private squares: { fine: BufferAttribute; coarse: BufferAttribute } | null = null;
 
   /** `plinth` is how far the ground reaches below 0 [m]. */
   constructor(tint: Tint, plinth: number) {
@@ -103,6 +108,11 @@ export class Surface {
     this.raiseWalls(this.relief, field, ground);
   }
 
+  /** Draws every square, or four of them as one. */
+  refine(fine: boolean): void {
+    if (this.squares) this.geometry.setIndex(fine ? this.squares.fine : this.squares.coarse);
+  }
+
   private build(relief: Relief): void {
     this.geometry.dispose();
     this.walls.dispose();
@@ -116,7 +126,8 @@ export class Surface {
     this.geometry.setAttribute("place", new BufferAttribute(place, 2));
     this.geometry.setAttribute("shape", new BufferAttribute(relief.shape, SHAPE));
     this.geometry.setAttribute("look", new BufferAttribute(relief.look, LOOK));
-    this.geometry.setIndex(new BufferAttribute(triangles(columns, rows), 1));
+    this.squares = { fine: triangles(columns, rows, 1), coarse: triangles(columns, rows, 2) };
+    this.geometry.setIndex(this.squares.fine);
     this.walls = wallGeometry(columns, rows);
     for (const [geometry, material] of [
       [this.geometry, this.material],
@@ -164,17 +175,32 @@ function* edge(side: number, columns: number, rows: number): Generator<readonly 
   for (let i = 0; i < count; i++) yield alongX ? [i, fixed] : [fixed, i];
 }
 
-function triangles(columns: number, rows: number): Uint32Array {
-  const index = new Uint32Array(6 * (columns - 1) * (rows - 1));
+/** Two triangles for each square, in strips so narrow that a vertex is still at hand when the next row needs it. */
+function triangles(columns: number, rows: number, step: number): BufferAttribute {
+  const [xs, zs] = [every(columns, step), every(rows, step)];
+  const Index = columns * rows > 0xffff ? Uint32Array : Uint16Array;
+  const index = new Index(6 * (xs.length - 1) * (zs.length - 1));
   let at = 0;
-  for (let z = 0; z + 1 < rows; z++) {
-    for (let x = 0; x + 1 < columns; x++) {
-      const [a, b] = [z * columns + x, (z + 1) * columns + x];
-      index.set([a, b, a + 1, a + 1, b, b + 1], at);
-      at += 6;
+  for (let strip = 0; strip < xs.length - 1; strip += STRIP) {
+    const end = Math.min(strip + STRIP, xs.length - 1);
+    for (let z = 0; z + 1 < zs.length; z++) {
+      const [back, front] = [zs[z] as number, zs[z + 1] as number];
+      for (let x = strip; x < end; x++) {
+        const [left, right] = [xs[x] as number, xs[x + 1] as number];
+        const [a, b] = [back * columns + left, front * columns + left];
+        const [c, d] = [back * columns + right, front * columns + right];
+        index.set([a, b, c, c, b, d], at);
+        at += 6;
+      }
     }
   }
-  return index;
+  return new BufferAttribute(index, 1);
+}
+
+/** Every so many of a row of vertices, and the last. */
+function every(count: number, step: number): number[] {
+  const all = Array.from({ length: count }, (_, i) => i);
+  return all.filter((i) => i % step === 0 || i === count - 1);
 }
 
 function wallGeometry(columns: number, rows: number): BufferGeometry {

@@ -46,7 +46,13 @@ export class Viewport {
     const marker = new MeshBasicMaterial({ color: 0xd9822b, transparent: true, opacity: 0.75 });
     this.marker = new Mesh(new BoxGeometry(1, 1, 1), marker);
     this.marker.visible = false;
-    this.stage = new Stage(canvas, (milliseconds) => this.advance(milliseconds));
+    this.stage = new Stage(canvas, {
+      advance: (milliseconds) => this.advance(milliseconds),
+      refine: (fine) => {
+        this.surface.refine(fine);
+        this.nearby.refine(fine);
+      },
+    });
     const { solids } = this.cubes;
     this.stage.scene.add(this.surface.group, this.nearby.group, solids.mesh, this.bodies.group, this.marker);
     this.stage.controls.addEventListener("change", () => this.lookedAt());
