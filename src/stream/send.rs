@@ -73,7 +73,8 @@ where
             event = events.recv() => speaker.tell(event).await,
             _ = pings.tick() => speaker.write(Message::Ping(Vec::new().into())).await,
             changed = publications.changed() => {
-                speaker.subscriptions.iter_mut().for_each(Subscription::mark);
+                let tick = publications.borrow_and_update().tick;
+                speaker.subscriptions.iter_mut().for_each(|subscription| subscription.mark(tick));
                 changed.map_err(|_| Cause::Deleted)
             }
             () = sleep_until(due.unwrap_or_else(Instant::now)), if due.is_some() => {
