@@ -160,7 +160,7 @@ mod tests {
     use tower::ServiceExt;
 
     use super::*;
-    use crate::config::RequestConfig;
+    use crate::config::{RequestConfig, StreamConfig};
     use crate::engine::cpu::CpuBackend;
     use crate::session::{Limits, World, WorldConfig};
 
@@ -171,7 +171,8 @@ mod tests {
         let (sessions, _world) =
             World::start(Box::new(CpuBackend::new(None, false)), config).unwrap();
         let request_timeout = Duration::from_millis(20);
-        App::new(sessions, RequestConfig { max_body_bytes: 64, request_timeout })
+        let requests = RequestConfig { max_body_bytes: 64, request_timeout };
+        App::new(sessions, requests, StreamConfig::default())
     }
 
     async fn status(routes: Router<App>, app: &App) -> StatusCode {
