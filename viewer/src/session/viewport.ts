@@ -1,7 +1,7 @@
 // The 3D picture of a session: what the model knows, shown as the look says.
 
 import type { HeightField } from "firn-client";
-import { Box3, BoxGeometry, Mesh, MeshBasicMaterial, Vector3 } from "three";
+import { BoxGeometry, Mesh, MeshBasicMaterial, Vector3 } from "three";
 import { Bodies } from "../scene/bodies.ts";
 import { Cubes, topValues } from "../scene/cubes.ts";
 import { meetBox, meetSurface, type Ray } from "../scene/ray.ts";
@@ -14,7 +14,14 @@ import type { Model } from "./model.ts";
 import type { Picture, Pictures } from "./picture.ts";
 
 /** What a ray meets first. */
-export type Hit = { body: string; x: number; y: number; z: number } | { body: null; x: number; y: number; z: number };
+export interface Hit {
+  /** An object; null where it is the snow. */
+  body: string | null;
+  /** Where [m]. */
+  x: number;
+  y: number;
+  z: number;
+}
 
 /** The picture. */
 export class Viewport {
@@ -217,13 +224,13 @@ export class Viewport {
     const field = this.model.overview.get()?.field;
     if (!field?.complete) return null;
     const { width, depth, cell_size: size } = this.model.grid;
-    const box = new Box3(new Vector3(0, 0, 0), new Vector3(width * size, this.highest(field) + size, depth * size));
+    const box = { low: [0, 0, 0], high: [width * size, this.highest(field) + size, depth * size] };
     const detail = this.model.detail.get()?.field;
     const heightAt = (x: number, z: number) => {
       const near = detail?.complete && covers(detail, x, z) ? detail : field;
       return this.elevationIn(near, x, z);
     };
-    return meetSurface(ray, { low: box.min.toArray(), high: box.max.toArray() }, heightAt, size / 2);
+    return meetSurface(ray, box, heightAt, size / 2);
   }
 
   private elevationIn(field: HeightField, x: number, z: number): number {
