@@ -56,7 +56,10 @@ async fn assets_are_kept_for_ever(server: &Server, page: &Reply, text: &str) {
             assert_eq!(reply.header("x-content-type-options"), "nosniff");
             assert!(is_strict(reply));
         }
-        assert_eq!((packed.header("content-encoding"), &packed.body[..2]), ("gzip", &b"\x1f\x8b"[..]));
+        assert_eq!(
+            (packed.header("content-encoding"), &packed.body[..2]),
+            ("gzip", &b"\x1f\x8b"[..])
+        );
         assert_eq!((plain.header("content-encoding"), &plain.body), ("", &refused.body));
         assert_ne!(plain.header("etag"), packed.header("etag"));
         let held = [("accept-encoding", "gzip"), ("if-none-match", packed.header("etag"))];

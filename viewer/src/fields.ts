@@ -105,7 +105,8 @@ export function rangeOf(field: Field, values: Float32Array): Range {
   const missing = Math.max(0, field.leastRange - (to - from));
   const reach = Math.max(-from, to, field.leastRange / 2);
   const [low, high] = field.diverging ? [-reach, reach] : [from - missing / 2, to + missing / 2];
-  return { low, high, below: least < low, above: most > high };
+  const hair = 0.01 * (high - low);
+  return { low, high, below: least < low - hair, above: most > high + hair };
 }
 
 /** A field's colours as pixels from the least to the greatest value: red, green, blue, opaque. */

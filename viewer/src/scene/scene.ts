@@ -31,6 +31,7 @@ export class Stage {
   private readonly resizing: ResizeObserver;
   private readonly darkness = matchMedia("(prefers-color-scheme: dark)");
   private fresh = true;
+  private covered = 0;
   private resolution = 1;
   private before = 0;
   private frameTime = 16;
@@ -81,6 +82,12 @@ export class Stage {
     this.camera.updateProjectionMatrix();
     this.controls.update();
     this.redraw();
+  }
+
+  /** Shows everything beside what covers so much of the left side [px]. */
+  keepLeftFree(width: number): void {
+    this.covered = width;
+    this.resize();
   }
 
   /** Turns the camera around what it looks at [rad], and goes closer by a factor. */
@@ -158,6 +165,9 @@ export class Stage {
     if (clientWidth === 0 || clientHeight === 0) return;
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.camera.aspect = clientWidth / clientHeight;
+    // On narrow screens there is no room beside it.
+    const shift = clientWidth > 1.8 * this.covered ? this.covered / 2 : 0;
+    this.camera.setViewOffset(clientWidth, clientHeight, -shift, 0, clientWidth, clientHeight);
     this.camera.updateProjectionMatrix();
     this.redraw();
   }

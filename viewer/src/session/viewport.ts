@@ -13,6 +13,9 @@ import type { Look } from "./look.ts";
 import type { Model } from "./model.ts";
 import type { Picture, Pictures } from "./picture.ts";
 
+/** Width of the drawer with the profile, as in session.css [px]. */
+const PROFILE_WIDTH = 416;
+
 /** What a ray meets first. */
 export interface Hit {
   /** An object; null where it is the snow. */
@@ -122,7 +125,10 @@ export class Viewport {
     });
     look.cut.watch(() => this.mark("cubes"));
     look.shape.watch(() => this.mark("cubes"));
-    look.column.watch(() => this.mark("surface"));
+    look.column.watch((column) => {
+      this.stage.keepLeftFree(column ? PROFILE_WIDTH : 0);
+      this.mark("surface");
+    });
     pictures.picture.watch((picture) => {
       this.recolour(picture);
       this.mark("cubes");
