@@ -32,6 +32,8 @@ export async function startServer(options: { args?: string[]; port?: number } = 
     env: { ...process.env, RUST_LOG: "info", NODEVICE_SELECT: "1" },
     stdio: ["ignore", "ignore", "pipe"],
   });
+  // A test that fails badly leaves no server behind.
+  process.once("exit", () => child.kill("SIGKILL"));
   const gone = once(child, "exit").finally(() => rmSync(folder, { recursive: true, force: true }));
   const url = await Promise.race([listening(child), gone.then(() => "")]);
   if (url === "") throw new Error(`${program} ended before it listened; build it with cargo build, or set FIRN_BIN`);
