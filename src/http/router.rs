@@ -20,7 +20,7 @@ use crate::stream;
 use super::docs::Document;
 use super::handlers::{
     air_temperature, cells, clearings, colliders, columns, health, height, heights, mass, openapi,
-    probes, sessions, snapshots, snowfalls,
+    probes, profile, render, sessions, snapshots, snowfalls,
 };
 use super::state::App;
 
@@ -55,6 +55,8 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(columns::get))
         .routes(routes!(cells::get))
         .routes(routes!(mass::get))
+        .routes(routes!(render::get))
+        .routes(routes!(profile::get))
         .routes(routes!(snapshots::get))
         .routes(routes!(snapshots::digest))
         .routes(routes!(probes::create))

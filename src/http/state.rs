@@ -6,6 +6,7 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::config::{RequestConfig, StreamConfig};
+use crate::render::Renderer;
 use crate::session::Sessions;
 use crate::stream::Endings;
 
@@ -20,6 +21,8 @@ pub struct App {
     pub stream: StreamConfig,
     /// How many streams have ended, and why.
     pub endings: Arc<Endings>,
+    /// Draws pictures.
+    pub renderer: Renderer,
     /// Cancelled when the server begins to stop: streams and long steps end then.
     pub draining: CancellationToken,
     /// The stream tasks that the server waits for when it stops.
@@ -34,6 +37,7 @@ impl App {
             requests,
             stream: StreamConfig::default(),
             endings: Arc::default(),
+            renderer: Renderer::default(),
             draining: CancellationToken::new(),
             streams: TaskTracker::new(),
         }
