@@ -7,6 +7,8 @@ struct Prism {
     @location(2) high: vec3f,
     // Replaces the mapped colour where its alpha is not 0.
     @location(3) paint: vec4f,
+    // Faces that can be seen, a bit each: those towards lower x, higher x, lower y and so on.
+    @location(4) faces: u32,
 }
 
 struct Point {
@@ -39,10 +41,15 @@ fn prism_vertex(@builtin(vertex_index) index: u32, prism: Prism) -> Point {
     let along = (axis + 2u) % 3u;
     let extent = prism.high - prism.low;
     let towards = view.eye.xyz - view.eye.w * (prism.low + 0.5 * extent);
+    let side = u32(towards[axis] > 0.0);
     let corner = CORNERS[index % 6u];
+    if (prism.faces >> (2u * axis + side) & 1u) == 0u {
+        // All corners in one place: nothing is drawn.
+        return Point();
+    }
 
     var part = vec3f(0.0);
-    part[axis] = f32(towards[axis] > 0.0);
+    part[axis] = f32(side);
     part[across] = corner.x;
     part[along] = corner.y;
     var normal = vec3f(0.0);

@@ -217,8 +217,7 @@ impl Chart {
             .max_light_lines(0)
             .draw()?;
         self.draw_content(&mut plane)?;
-        self.draw_legend(&legend)?;
-        root.present()
+        self.draw_legend(&legend)
     }
 
     fn draw_content(&self, plane: &mut Plane<'_, '_>) -> Drawn<()> {

@@ -20,7 +20,7 @@ use crate::stream;
 use super::docs::Document;
 use super::handlers::{
     air_temperature, cells, clearings, colliders, columns, health, height, heights, mass, openapi,
-    probes, profile, render, sessions, snapshots, snowfalls,
+    probes, profile, reference, render, sessions, snapshots, snowfalls,
 };
 use super::state::App;
 
@@ -29,7 +29,7 @@ pub fn router(app: App) -> Router {
     let (timed, _) = timed_routes().split_for_parts();
     let (untimed, _) = untimed_routes().split_for_parts();
     let limit = middleware::from_fn_with_state(app.clone(), limit_time);
-    let routes = timed.layer(limit).merge(untimed);
+    let routes = timed.merge(reference::routes()).layer(limit).merge(untimed);
     dress(routes, &app).with_state(app)
 }
 

@@ -68,6 +68,8 @@ impl Canvas {
         let mut file = Vec::new();
         let mut encoder = png::Encoder::new(&mut file, self.width, self.height);
         encoder.set_color(if transparent { png::ColorType::Rgba } else { png::ColorType::Rgb });
+        // A third larger than what is usual, in a quarter of the time.
+        encoder.set_compression(png::Compression::Fast);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         let mut writer = encoder.write_header()?;
         if transparent {

@@ -3,8 +3,8 @@
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::Field;
 use super::camera::Camera;
+use super::{Field, Scale};
 
 /// Shortest and longest side of a picture, in pixels.
 pub const SIDES: (u32, u32) = (16, 4096);
@@ -141,6 +141,11 @@ impl Default for Picture {
 }
 
 impl Picture {
+    /// Colours for some values.
+    pub fn scale(&self, values: impl Iterator<Item = f32>) -> Scale {
+        Scale::new(self.field, values, self.min, self.max)
+    }
+
     /// The camera that is used.
     pub fn camera(&self) -> Camera {
         let yaw = match self.along {

@@ -21,6 +21,9 @@ const SNOW: Paint = [223, 230, 238, 255];
 /// Thickness of the ground below the lowest elevation, as a part of the extent of what is shown.
 const BASE: f32 = 0.012;
 
+/// All faces of a box.
+const ALL_FACES: u32 = 0b11_11_11;
+
 /// A box. Laid out as `shaders/render/prisms.wgsl` takes it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -33,6 +36,8 @@ pub struct Prism {
     pub high: [f32; 3],
     /// A colour in place of the map's, where its alpha is not 0.
     pub paint: [u8; 4],
+    /// Faces that can be seen, a bit each: those towards lower x, higher x, lower y and so on.
+    pub faces: u32,
 }
 
 /// A corner of a triangle. Laid out as `shaders/render/mesh.wgsl` takes it.
@@ -67,29 +72,22 @@ pub struct Scene {
 impl Scene {
     /// What a picture shows of the snow.
     pub fn new(picture: &Picture, snow: &Snow) -> Scene {
-        let values = match picture.view {
-            View::Surface => surface::values(picture.field, snow),
-            View::Grid | View::Section => cells::values(picture.field, snow),
-        };
-        let shown = values.iter().copied().filter(|value| value.is_finite());
-        let scale = Scale::new(picture.field, shown, picture.min, picture.max);
-        let (low, high) = extent(snow);
-        let mut scene = Scene {
-            prisms: Vec::new(),
-            vertices: Vec::new(),
-            indices: Vec::new(),
-            bounds: Bounds { low, high },
-            scale,
+        let mut scene = match picture.view {
+            View::Surface => surface::scene(picture, snow),
+            View::Grid | View::Section => cells::scene(picture, snow),
         };
         scene.prisms.push(base(snow));
-        match picture.view {
-            View::Surface => surface::add(&mut scene, snow, &values),
-            View::Grid | View::Section => cells::add(&mut scene, snow, picture.field),
-        }
         if picture.colliders {
             bodies::add(&mut scene, snow, picture.view == View::Section);
         }
         scene
+    }
+
+    /// Nothing yet, where there is to be snow.
+    fn empty(snow: &Snow, scale: Scale) -> Scene {
+        let (low, high) = extent(snow);
+        let bounds = Bounds { low, high };
+        Scene { prisms: Vec::new(), vertices: Vec::new(), indices: Vec::new(), bounds, scale }
     }
 
     /// Adds a quadrangle by its corners, in a circle.
@@ -117,5 +115,11 @@ fn extent(snow: &Snow) -> (Vec3, Vec3) {
 /// The ground below the lowest elevation.
 fn base(snow: &Snow) -> Prism {
     let (low, high) = extent(snow);
-    Prism { low: low.to_array(), value: 0.0, high: [high.x, 0.0, high.z], paint: EARTH }
+    Prism {
+        low: low.to_array(),
+        value: 0.0,
+        high: [high.x, 0.0, high.z],
+        paint: EARTH,
+        faces: ALL_FACES,
+    }
 }

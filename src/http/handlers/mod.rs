@@ -12,6 +12,7 @@ pub mod mass;
 pub mod openapi;
 pub mod probes;
 pub mod profile;
+pub mod reference;
 pub mod render;
 pub mod sessions;
 pub mod snapshots;

@@ -13,9 +13,10 @@ pub const SHADERS: [(&str, [&str; 2]); 2] = [
     ("mesh", [VIEW, include_str!("../../../shaders/render/mesh.wgsl")]),
 ];
 
-/// Position, value, position or normal, paint: the same for boxes and for corners.
-const ATTRIBUTES: [wgpu::VertexAttribute; 4] =
-    wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32, 2 => Float32x3, 3 => Unorm8x4];
+/// The fields of [`Prism`]; those of [`Vertex`] are the first four.
+const ATTRIBUTES: [wgpu::VertexAttribute; 5] = wgpu::vertex_attr_array![
+    0 => Float32x3, 1 => Float32, 2 => Float32x3, 3 => Unorm8x4, 4 => Uint32
+];
 
 /// The pipelines.
 pub struct Pipelines {
@@ -34,10 +35,17 @@ impl Pipelines {
             entries: &ENTRIES,
         });
         let [prisms, mesh] = SHADERS;
+        let buffer = |step_mode, stride: usize, attributes| wgpu::VertexBufferLayout {
+            array_stride: stride as u64,
+            step_mode,
+            attributes,
+        };
         let (instance, vertex) = (wgpu::VertexStepMode::Instance, wgpu::VertexStepMode::Vertex);
+        let boxes = buffer(instance, size_of::<Prism>(), &ATTRIBUTES);
+        let corners = buffer(vertex, size_of::<Vertex>(), &ATTRIBUTES[..4]);
         Pipelines {
-            prisms: pipeline(device, &layout, prisms, instance, size_of::<Prism>()),
-            mesh: pipeline(device, &layout, mesh, vertex, size_of::<Vertex>()),
+            prisms: pipeline(device, &layout, prisms, boxes),
+            mesh: pipeline(device, &layout, mesh, corners),
             layout,
         }
     }
@@ -88,8 +96,7 @@ fn pipeline(
     device: &wgpu::Device,
     layout: &wgpu::BindGroupLayout,
     (name, source): (&str, [&str; 2]),
-    step_mode: wgpu::VertexStepMode,
-    stride: usize,
+    buffer: wgpu::VertexBufferLayout<'_>,
 ) -> wgpu::RenderPipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(name),
@@ -108,11 +115,7 @@ fn pipeline(
             module: &module,
             entry_point: Some(&vertex),
             compilation_options: Default::default(),
-            buffers: &[Some(wgpu::VertexBufferLayout {
-                array_stride: stride as u64,
-                step_mode,
-                attributes: &ATTRIBUTES,
-            })],
+            buffers: &[Some(buffer)],
         },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: Some(wgpu::DepthStencilState {

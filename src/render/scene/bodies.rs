@@ -8,7 +8,7 @@ use crate::render::Snow;
 use crate::session::ColliderView;
 use crate::snow::Shape;
 
-use super::{OBJECT, Prism, Scene};
+use super::{ALL_FACES, OBJECT, Prism, Scene};
 
 /// Corners of a disk.
 const CORNERS: u32 = 48;
@@ -39,7 +39,7 @@ pub fn add(scene: &mut Scene, snow: &Snow, cut: bool) {
         let high = (centre + half).min(Vec3::new(x1, bottom, z1)) + height * Vec3::Y;
         if low.x < high.x && low.z < high.z {
             let (low, high) = (low.to_array(), high.to_array());
-            scene.prisms.push(Prism { low, value: 0.0, high, paint: OBJECT });
+            scene.prisms.push(Prism { low, value: 0.0, high, paint: OBJECT, faces: ALL_FACES });
             scene.bounds.reach(high.into());
         }
     }

@@ -3,12 +3,12 @@
 
 use glam::Vec3;
 
-use crate::render::{Field, Snow};
+use crate::render::{Field, Picture, Snow};
 
 use super::{EARTH, MAPPED, SNOW, Scene, Vertex};
 
 /// The value of each column's highest snow cell, or its elevation; not a number on bare ground.
-pub fn values(field: Field, snow: &Snow) -> Vec<f32> {
+fn values(field: Field, snow: &Snow) -> Vec<f32> {
     let value = |column| {
         let top = snow.top(column);
         let shown = match field {
@@ -20,8 +20,11 @@ pub fn values(field: Field, snow: &Snow) -> Vec<f32> {
     (0..snow.columns()).map(value).collect()
 }
 
-/// Adds the surface.
-pub fn add(scene: &mut Scene, snow: &Snow, values: &[f32]) {
+/// The surface.
+pub fn scene(picture: &Picture, snow: &Snow) -> Scene {
+    let values = values(picture.field, snow);
+    let scale = picture.scale(values.iter().copied().filter(|value| !value.is_nan()));
+    let mut scene = Scene::empty(snow, scale);
     let sheet = Sheet::new(snow);
     for z in 0..sheet.depth {
         for x in 0..sheet.width {
@@ -44,7 +47,8 @@ pub fn add(scene: &mut Scene, snow: &Snow, values: &[f32]) {
             scene.indices.extend([corner, right, below, right, below + 1, below]);
         }
     }
-    walls(scene, &sheet);
+    walls(&mut scene, &sheet);
+    scene
 }
 
 /// An elevation in a column \[m\].
