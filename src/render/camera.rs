@@ -5,6 +5,8 @@ use std::f32::consts::PI;
 use glam::camera::rh::proj::directx;
 use glam::camera::rh::view;
 use glam::{Mat4, Vec3, Vec4};
+use serde::Serialize;
+use utoipa::ToSchema;
 
 /// Angle of view of a perspective picture before the scene is fitted into it: 25°.
 const ANGLE: f32 = 25.0 * PI / 180.0;
@@ -40,8 +42,26 @@ pub struct Camera {
     pub pitch: f32,
     /// How much larger than fitted.
     pub zoom: f32,
-    /// Whether what is far away is as large as what is near.
-    pub parallel: bool,
+    /// How what is far away is shown.
+    pub projection: Projection,
+}
+
+/// How what is far away is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[schema(default = "perspective")]
+pub enum Projection {
+    /// Smaller.
+    #[default]
+    Perspective,
+    /// As large as what is near.
+    Parallel,
+}
+
+impl Projection {
+    /// Both by their names.
+    pub const ALL: [(&'static str, Projection); 2] =
+        [("perspective", Projection::Perspective), ("parallel", Projection::Parallel)];
 }
 
 /// How a camera sees a scene.
@@ -64,10 +84,11 @@ impl Camera {
         let centre = (bounds.low + bounds.high) / 2.0;
         let radius = ((bounds.high - bounds.low).length() / 2.0).max(1e-3);
         // As near as a ball around everything is still whole.
-        let distance = if self.parallel { 2.0 * radius } else { radius / (ANGLE / 2.0).sin() };
+        let parallel = self.projection == Projection::Parallel;
+        let distance = if parallel { 2.0 * radius } else { radius / (ANGLE / 2.0).sin() };
         let eye = centre + back * distance;
         let (near, far) = (0.99 * (distance - radius), 1.01 * (distance + radius));
-        let projection = if self.parallel {
+        let projection = if parallel {
             directx::orthographic(-radius, radius, -radius, radius, near, far)
         } else {
             directx::perspective(ANGLE, 1.0, near, far)
@@ -75,7 +96,7 @@ impl Camera {
         let seen = projection * view::look_to_mat4(eye, -back, up);
         Sight {
             clip: fit(&seen, bounds, extent, self.zoom) * seen,
-            eye: if self.parallel { back.extend(0.0) } else { eye.extend(1.0) },
+            eye: if parallel { back.extend(0.0) } else { eye.extend(1.0) },
             light: direction(yaw - 0.7, 0.9),
         }
     }
@@ -107,9 +128,9 @@ mod tests {
 
     #[test]
     fn everything_is_in_the_picture_and_fills_it() {
-        for parallel in [false, true] {
+        for (_, projection) in Projection::ALL {
             for (yaw, pitch) in [(0.0, 0.0), (35.0, 30.0), (-120.0, 90.0), (270.0, 5.0)] {
-                let camera = Camera { yaw, pitch, zoom: 1.0, parallel };
+                let camera = Camera { yaw, pitch, zoom: 1.0, projection };
                 let sight = camera.sight(&BOUNDS, (600.0, 400.0));
                 let corners: Vec<Vec3> =
                     BOUNDS.corners().map(|corner| sight.clip.project_point3(corner)).collect();
@@ -124,7 +145,7 @@ mod tests {
 
     #[test]
     fn yaw_0_has_x_to_the_right_and_y_up() {
-        let camera = Camera { yaw: 0.0, pitch: 0.0, zoom: 1.0, parallel: true };
+        let camera = Camera { yaw: 0.0, pitch: 0.0, zoom: 1.0, projection: Projection::Parallel };
         let sight = camera.sight(&BOUNDS, (100.0, 100.0));
         let (low, high) =
             (sight.clip.project_point3(BOUNDS.low), sight.clip.project_point3(BOUNDS.high));

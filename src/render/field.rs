@@ -8,6 +8,7 @@ use crate::snow::Sample;
 /// A quantity that colours show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
+#[schema(default = "density")]
 pub enum Field {
     /// Density \[kg/m³\].
     #[default]

@@ -16,7 +16,7 @@ mod scale;
 mod scene;
 mod snow;
 
-pub use camera::Camera;
+pub use camera::{Camera, Projection};
 pub use field::Field;
 pub use layout::{Area, Layout};
 pub use painter::{SHADERS, View as ShaderView};

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::camera::Camera;
+use super::camera::{Camera, Projection};
 use super::{Field, Scale};
 
 /// Shortest and longest side of a picture, in pixels.
@@ -15,6 +15,7 @@ pub const MOST_PIXELS: u32 = 1 << 23;
 /// What is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
+#[schema(default = "grid")]
 pub enum View {
     /// The fixed grid, as boxes.
     #[default]
@@ -34,6 +35,7 @@ impl View {
 /// What is around the snow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
+#[schema(default = "light")]
 pub enum Background {
     /// White, with dark writing.
     #[default]
@@ -74,6 +76,7 @@ impl Background {
 /// A horizontal axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
+#[schema(default = "x")]
 pub enum Axis {
     /// Along the rows of columns.
     #[default]
@@ -128,7 +131,12 @@ impl Default for Picture {
             field: Field::Density,
             width: 800,
             height: 600,
-            camera: Camera { yaw: 35.0, pitch: 30.0, zoom: 1.0, parallel: false },
+            camera: Camera {
+                yaw: 35.0,
+                pitch: 30.0,
+                zoom: 1.0,
+                projection: Projection::Perspective,
+            },
             along: Axis::X,
             min: None,
             max: None,
@@ -153,7 +161,9 @@ impl Picture {
             Axis::Z => -90.0,
         };
         match self.view {
-            View::Section => Camera { yaw, pitch: 0.0, zoom: 1.0, parallel: true },
+            View::Section => {
+                Camera { yaw, pitch: 0.0, zoom: 1.0, projection: Projection::Parallel }
+            }
             View::Grid | View::Surface => self.camera,
         }
     }

@@ -175,3 +175,99 @@ fn draw(
     }
     drawn
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::sync::mpsc;
+
+    use super::*;
+    use crate::render::{Picture, Snow, shoot};
+    use crate::session::SessionSpec;
+    use crate::snow::ColumnRect;
+
+    fn shot() -> Shot {
+        let region = ColumnRect { x0: 0, z0: 0, x1: 1, z1: 1 };
+        let snow = Snow::from_depths(&SessionSpec::default(), region, vec![0.0], &[]);
+        shoot(&Picture::default(), &snow).0
+    }
+
+    /// Draws what a function says.
+    struct Told<F>(F);
+
+    impl<F: FnMut() -> Result<Vec<u8>, EngineError>> Paint for Told<F> {
+        fn paint(&mut self, _shot: &Shot) -> Result<Vec<u8>, EngineError> {
+            self.0()
+        }
+    }
+
+    #[tokio::test]
+    async fn too_many_pictures_at_once_are_refused_and_the_others_drawn() {
+        let (go, gate) = mpsc::channel::<()>();
+        let gate = Arc::new(Mutex::new(gate));
+        let renderer = Renderer::with(Arc::new(move || {
+            let gate = gate.clone();
+            let wait = move || {
+                gate.lock().unwrap().recv().unwrap();
+                Ok(vec![7])
+            };
+            Ok(Box::new(Told(wait)))
+        }));
+        // One may have been taken out of the queue, so that as many wait, and one more is drawn.
+        let asked: Vec<_> = (0..WAITING + 2)
+            .map(|_| {
+                let (reply, answer) = oneshot::channel();
+                (renderer.0.send(shot(), reply), answer)
+            })
+            .collect();
+        let refused = asked.iter().filter(|(sent, _)| matches!(sent, Err(RenderError::Busy)));
+        let refused = refused.count();
+        assert!((1..=2).contains(&refused), "{refused}");
+        for _ in 0..WAITING + 2 - refused {
+            go.send(()).unwrap();
+        }
+        for (sent, answer) in asked {
+            if sent.is_ok() {
+                assert_eq!(answer.await.unwrap().unwrap(), [7]);
+            }
+        }
+    }
+
+    #[tokio::test]
+    async fn a_device_that_fails_is_opened_anew_once() {
+        let opened = Arc::new(AtomicU32::new(0));
+        let count = opened.clone();
+        let renderer = Renderer::with(Arc::new(move || {
+            let number = count.fetch_add(1, Ordering::Relaxed) + 1;
+            let mut drawn = 0;
+            let paint = move || {
+                drawn += 1;
+                // The first device is lost after a picture, the third one at once, the fourth
+                // panics.
+                match (number, drawn) {
+                    (1, 2) | (3, 1) => Err(EngineError::DeviceFailed("lost".to_owned())),
+                    (2, 2) => Err(EngineError::DeviceFailed("lost as well".to_owned())),
+                    (4, 1) => panic!("while drawing"),
+                    _ => Ok(vec![number as u8]),
+                }
+            };
+            Ok(Box::new(Told(paint)))
+        }));
+        let draw = async || renderer.paint(shot()).await;
+        assert_eq!(draw().await.unwrap(), [1]);
+        assert_eq!(draw().await.unwrap(), [2], "drawn by a new device");
+        let failed = draw().await.unwrap_err();
+        assert!(matches!(&failed, RenderError::Engine(EngineError::DeviceFailed(_))), "{failed}");
+        assert_eq!(opened.load(Ordering::Relaxed), 3);
+        assert!(draw().await.unwrap_err().to_string().contains("panicked"));
+        assert_eq!(draw().await.unwrap(), [5]);
+    }
+
+    #[tokio::test]
+    async fn without_an_adapter_that_is_what_is_said() {
+        let renderer =
+            Renderer::with(Arc::new(|| Err(EngineError::NoAdapter("none here".to_owned()))));
+        let failed = renderer.paint(shot()).await.unwrap_err();
+        assert!(matches!(&failed, RenderError::Engine(EngineError::NoAdapter(_))), "{failed}");
+    }
+}

@@ -6,12 +6,11 @@ use crate::http::extract::FromQuery;
 use crate::http::handlers::span;
 use crate::http::query::Params;
 use crate::problem::{FieldError, Problem};
-use crate::render::{Axis, Background, Camera, Field, MOST_PIXELS, Picture, SIDES, View};
+use crate::render::{
+    Axis, Background, Camera, Field, MOST_PIXELS, Picture, Projection, SIDES, View,
+};
 use crate::session::Session;
 use crate::snow::ColumnRect;
-
-/// Projections by their names: whether they are parallel.
-const PROJECTIONS: [(&str, bool); 2] = [("perspective", false), ("parallel", true)];
 
 /// Values beyond this are none that snow has.
 const GREATEST: f32 = 1e9;
@@ -53,7 +52,9 @@ fn picture(params: &mut Params) -> Picture {
             yaw: params.number("yaw", -360.0, 360.0).unwrap_or(usual.camera.yaw),
             pitch: params.number("pitch", 0.0, 90.0).unwrap_or(usual.camera.pitch),
             zoom: params.number("zoom", 0.1, 10.0).unwrap_or(usual.camera.zoom),
-            parallel: params.choice("projection", &PROJECTIONS).unwrap_or(usual.camera.parallel),
+            projection: params
+                .choice("projection", &Projection::ALL)
+                .unwrap_or(usual.camera.projection),
         },
         along: params.choice("along", &Axis::ALL).unwrap_or(usual.along),
         min: params.number("min", -GREATEST, GREATEST),
@@ -112,11 +113,11 @@ impl RenderQuery {
 #[expect(dead_code, reason = "it only describes the parameters")]
 struct Described {
     /// What is shown: the fixed grid as boxes, the surface of the snow, or a vertical cut.
-    #[param(inline, default = "grid", example = "section")]
-    view: Option<View>,
+    #[param(inline, required = false, example = "section")]
+    view: View,
     /// What the colours show.
-    #[param(inline, default = "density", example = "temperature")]
-    field: Option<Field>,
+    #[param(inline, required = false, example = "temperature")]
+    field: Field,
     /// Pixels across; 2²³ pixels in all.
     #[param(default = 800, minimum = 16, maximum = 4096)]
     width: Option<u32>,
@@ -134,11 +135,11 @@ struct Described {
     #[param(default = 1, minimum = 0.1, maximum = 10)]
     zoom: Option<f32>,
     /// `parallel` shows what is far away as large as what is near; sections always do.
-    #[param(value_type = Option<String>, default = "perspective", example = "parallel")]
-    projection: Option<bool>,
+    #[param(inline, required = false)]
+    projection: Projection,
     /// The axis that a section runs along.
-    #[param(inline, default = "x")]
-    along: Option<Axis>,
+    #[param(inline, required = false)]
+    along: Axis,
     /// The column across `along` that a section shows; the middle one where there is none.
     at: Option<u32>,
     /// First column along x that is shown.
@@ -168,8 +169,8 @@ struct Described {
     #[param(default = true)]
     colliders: Option<bool>,
     /// What is around the snow.
-    #[param(inline, default = "light")]
-    background: Option<Background>,
+    #[param(inline, required = false)]
+    background: Background,
 }
 
 impl IntoParams for RenderQuery {
