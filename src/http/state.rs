@@ -6,8 +6,10 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::config::{RequestConfig, StreamConfig};
-use crate::session::Sessions;
+use crate::session::{Idempotency, Sessions};
 use crate::stream::Endings;
+
+use super::gate::Gate;
 
 /// State shared by all requests and streams. Clones are handles to the same.
 #[derive(Clone, Debug)]
@@ -18,6 +20,10 @@ pub struct App {
     pub requests: RequestConfig,
     /// Limits of streams.
     pub stream: StreamConfig,
+    /// Who gets in.
+    pub gate: Arc<Gate>,
+    /// Answers to requests that may be repeated.
+    pub repeats: Arc<Idempotency>,
     /// How many streams have ended, and why.
     pub endings: Arc<Endings>,
     /// Cancelled when the server begins to stop: streams and long steps end then.
@@ -27,12 +33,15 @@ pub struct App {
 }
 
 impl App {
-    /// The state of a server that is about to start, with the usual limits of streams.
+    /// The state of a server that is about to start: an open one, with the usual limits of streams
+    /// and connections.
     pub fn new(sessions: Sessions, requests: RequestConfig) -> App {
         App {
             sessions,
             requests,
             stream: StreamConfig::default(),
+            gate: Arc::default(),
+            repeats: Arc::default(),
             endings: Arc::default(),
             draining: CancellationToken::new(),
             streams: TaskTracker::new(),

@@ -23,6 +23,9 @@ pub enum SessionError {
     /// The state of the session does not allow it now.
     #[error("{0}")]
     Conflict(String),
+    /// The client may not do this.
+    #[error("{0}")]
+    Forbidden(String),
     /// Fields are invalid or beyond a limit of a session.
     #[error("the request is not valid")]
     Invalid(Vec<Invalid>),

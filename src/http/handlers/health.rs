@@ -24,14 +24,24 @@ pub struct Readiness {
     adapter: String,
     /// Graphics interface, or `cpu`.
     backend: String,
-    /// `open`: nobody is asked for a token.
-    auth: &'static str,
+    /// Whether clients are asked for tokens.
+    auth: Auth,
     /// Sessions there are.
     sessions: usize,
     /// Most sessions there may be.
     capacity: usize,
     /// Whether a session could be created now.
     schedulable: bool,
+}
+
+/// Whether clients are asked for tokens.
+#[derive(Debug, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Auth {
+    /// Nobody is asked.
+    Open,
+    /// Everybody is: the API key, or a session's token.
+    Required,
 }
 
 /// Whether requests are served.
@@ -86,7 +96,7 @@ pub async fn readyz(State(app): State<App>) -> (StatusCode, Answer<Readiness>) {
         status,
         adapter: device.adapter.clone(),
         backend: device.backend.clone(),
-        auth: "open",
+        auth: if app.gate.access.is_open() { Auth::Open } else { Auth::Required },
         sessions,
         capacity,
         schedulable: ready && sessions < capacity,

@@ -14,6 +14,7 @@ pub mod probes;
 pub mod sessions;
 pub mod snapshots;
 pub mod snowfalls;
+pub mod tokens;
 
 use axum::http::{HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
