@@ -8,10 +8,10 @@ ARGS ?=
 export NODEVICE_SELECT := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help serve test driver build fmt lint openapi clean
+.PHONY: help serve test fuzz-api driver build fmt lint openapi clean
 
 help: ## list these commands
-	@awk -F ':.* ## ' '/^[a-z]+:.* ## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.* ## ' '/^[a-z-]+:.* ## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 serve: ## build, make sure there is a Vulkan driver, serve with a demo session
 	@scripts/vulkan-driver || echo "Going on without: the server computes on the CPU."
@@ -24,6 +24,10 @@ test: $(if $(filter 1,$(FIRN_SKIP_GPU_TESTS)),,driver) lint ## make sure there i
 	else set -x; \
 		$(CARGO) test --locked --no-fail-fast; \
 	fi
+	scripts/fuzz-api 30
+
+fuzz-api: ## send a server what its OpenAPI document allows and what it doesn't, for two minutes
+	scripts/fuzz-api 120
 
 driver: ## make sure there is a Vulkan driver; install the distribution's where there is none
 	@scripts/vulkan-driver

@@ -37,9 +37,12 @@ async fn connect(server: &Server) -> TcpStream {
 /// Asks for `/livez` on an open connection, and waits for the answer.
 async fn lives(stream: &mut TcpStream) -> bool {
     let asked = stream.write_all(b"GET /livez HTTP/1.1\r\nhost: localhost\r\n\r\n").await;
-    let mut answer = [0; 12];
-    let read = timeout(PATIENCE, stream.read_exact(&mut answer)).await.expect("it ends");
-    asked.is_ok() && read.is_ok() && answer == *b"HTTP/1.1 200"
+    let mut answer = Vec::new();
+    let read = async {
+        while !answer.ends_with(b"}") && stream.read_buf(&mut answer).await.unwrap_or(0) > 0 {}
+    };
+    timeout(PATIENCE, read).await.expect("it ends");
+    asked.is_ok() && answer.starts_with(b"HTTP/1.1 200") && answer.ends_with(b"}")
 }
 
 /// Waits until the other side closes; returns what it said before.
@@ -127,7 +130,7 @@ async fn a_head_that_does_not_arrive_ends_the_connection() {
         }
         stream.write_all(second.as_bytes()).await.unwrap();
         let said = String::from_utf8(rest(&mut stream).await).unwrap();
-        assert!(!said.contains("\r\nHTTP/1.1 200"), "{said}");
+        assert!(!said.contains("HTTP/1.1 200"), "{said}");
     }
     // A stream has no head any more.
     let path = server.create(small()).await;

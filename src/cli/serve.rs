@@ -17,12 +17,16 @@ use crate::engine::cpu::CpuBackend;
 use crate::engine::frame::{Backend, EngineError};
 use crate::engine::gpu::GpuBackend;
 use crate::http::{self, App, Gate};
+use crate::open_files;
 use crate::session::{Sessions, World, WorldConfig};
 
 use super::{Failure, demo};
 
 /// Publications per second, beside those that requests ask for.
 const PUBLISH_RATE: f64 = 20.0;
+
+/// Open files that are needed beside one per connection.
+const OTHER_FILES: u64 = 64;
 
 /// Shown below the flags.
 pub const EXAMPLES: &str = "\
@@ -74,6 +78,10 @@ pub fn run(options: &Serve) -> Result<(), Failure> {
              127.0.0.1"
         )));
     }
+    if let Err(error) = open_files::allow(options.connections.max_connections as u64 + OTHER_FILES)
+    {
+        warn!("not as many connections as --max-connections: {error}");
+    }
     let failed = |what: &str, error: std::io::Error| Failure::Failed(format!("{what}: {error}"));
     let runtime =
         tokio::runtime::Runtime::new().map_err(|error| failed("starting threads", error))?;
@@ -103,15 +111,15 @@ async fn serve(
         .map_err(|error| Failure::Failed(format!("the address listened on: {error}")))?;
     let device = sessions.device();
     let scheme = if gate.tls.is_some() { "https" } else { "http" };
+    if !gate.access.is_open() && gate.tls.is_none() && !address.ip().is_loopback() {
+        warn!("tokens can be read on their way: --tls-cert or a proxy with TLS keeps them secret");
+    }
     info!(
         adapter = device.adapter,
         backend = device.backend,
         auth = if gate.access.is_open() { "open" } else { "required" },
         "listening on {scheme}://{address}"
     );
-    if !gate.access.is_open() && gate.tls.is_none() && !address.ip().is_loopback() {
-        warn!("tokens can be read on their way: --tls-cert or a proxy with TLS keeps them secret");
-    }
     info!("sessions live in memory only: they are gone when the server stops");
     if options.demo {
         demo::create(&sessions)

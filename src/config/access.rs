@@ -180,7 +180,8 @@ impl fmt::Debug for ApiKey {
 /// Reads the name of a host, without a port.
 fn parse_host(text: &str) -> Result<String, String> {
     let host = text.parse::<axum::http::uri::Authority>().ok();
-    match host.filter(|host| host.host() == text && !text.contains('@')) {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_.:[]".contains(c);
+    match host.filter(|host| host.host() == text && text.chars().all(plain)) {
         Some(_) => Ok(text.to_ascii_lowercase()),
         None => Err("expected a host's name or address without a port, as in snow.example".into()),
     }

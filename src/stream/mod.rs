@@ -29,6 +29,7 @@ use tiles::{LARGEST_PART, Protocol};
 
 pub use cache::EncodedTiles;
 pub use cause::{Cause, Endings};
+pub use request::{ColumnRegion, Control, Refusal, Request, Resume, Subscribe, Update};
 
 /// Largest message of a client \[bytes\].
 const LARGEST_MESSAGE: usize = 1 << 20;
