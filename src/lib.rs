@@ -11,6 +11,7 @@ pub mod engine;
 pub mod experiment;
 pub mod http;
 pub mod load;
+pub mod metrics;
 pub mod open_files;
 pub mod problem;
 pub mod session;

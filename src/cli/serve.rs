@@ -1,7 +1,6 @@
 //! `firn serve`: the server.
 
 use std::io::IsTerminal;
-use std::sync::Arc;
 
 use clap::Args;
 use tokio::net::TcpListener;
@@ -129,11 +128,7 @@ async fn serve(
     }
     let shutdown = CancellationToken::new();
     let signals = tokio::spawn(stop_on_signal(shutdown.clone()));
-    let app = App {
-        stream: options.stream,
-        gate: Arc::new(gate),
-        ..App::new(sessions, options.requests)
-    };
+    let app = App::new(sessions, options.requests, options.stream, gate);
     let served = http::run(listener, app, shutdown).await;
     signals.abort();
     served.map_err(|error| Failure::Failed(format!("serving: {error}")))

@@ -11,6 +11,7 @@ mod idempotency;
 mod message;
 mod mirror;
 mod orders;
+mod pace;
 mod probe;
 mod publish;
 mod registry;

@@ -5,6 +5,7 @@ mod answer;
 mod cache;
 mod cause;
 pub mod codec;
+mod metrics;
 mod receive;
 mod request;
 mod send;
@@ -25,11 +26,13 @@ use crate::http::{App, Caller, FromQuery, Params, Query, Segments, bearer};
 use crate::problem::Problem;
 use crate::session::Session;
 
-use tiles::{LARGEST_PART, Protocol};
+use tiles::LARGEST_PART;
 
 pub use cache::EncodedTiles;
-pub use cause::{Cause, Endings};
+pub use cause::Cause;
+pub use metrics::StreamMetrics;
 pub use request::{ColumnRegion, Control, Refusal, Request, Resume, Subscribe, Update};
+pub use tiles::Protocol;
 
 /// Largest message of a client \[bytes\].
 const LARGEST_MESSAGE: usize = 1 << 20;

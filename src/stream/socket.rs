@@ -57,7 +57,8 @@ async fn converse(
     let rate = RateLimiter::direct(Quota::per_second(limits.stream_commands_per_second));
     let bounds = Bounds { rate, writing: &writing };
     let patience = limits.stream_write_timeout;
-    let manner = Manner { protocol, patience, writing: &writing };
+    let carried = app.metrics.streams.begin(protocol);
+    let manner = Manner { protocol, patience, writing: &writing, carried };
     tokio::select! {
         cause = receive(&mut messages, answers, apply, bounds) => cause,
         cause = send(&mut sink, session, next, manner) => cause,
@@ -76,7 +77,7 @@ async fn disowned(session: &Session, caller: Caller) {
 
 /// Counts the end of a stream, and tells its client why.
 pub async fn end(mut socket: WebSocket, cause: Cause, app: &App) {
-    app.endings.count(cause);
+    app.metrics.streams.end(cause);
     let Some(frame) = cause.close_frame() else { return };
     let limits = &app.stream;
     let farewell = async {

@@ -78,8 +78,8 @@ async fn a_browser_is_told_by_a_close_code() {
     let path = format!("/v1/sessions/nobody?token={KEY}");
     let mut lost = Client::begin(request_with(&server, &path, &origin)).await;
     assert_eq!(lost.close_code().await, 3501);
-    assert_eq!(server.app.endings.of(Cause::BadToken), 1);
-    assert_eq!(server.app.endings.of(Cause::UnknownSession), 1);
+    assert_eq!(server.app.metrics.streams.ended(Cause::BadToken), 1);
+    assert_eq!(server.app.metrics.streams.ended(Cause::UnknownSession), 1);
     // A page of somebody else is told nothing at all.
     let foreign = request_with(&server, &session, &[("origin", "https://evil.example")]);
     assert_eq!(refusal(foreign).await.0, 403);

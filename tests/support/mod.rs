@@ -3,7 +3,6 @@
 // Each test program uses its own part of this.
 #![allow(dead_code)]
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use firn::cli::open_backend;
@@ -174,11 +173,7 @@ impl Server {
         let url = format!("http://{}", listener.local_addr().expect("it has an address"));
         let shutdown = CancellationToken::new();
         let gate = Gate::new(&options.access, options.connections).expect("a sound configuration");
-        let app = App {
-            stream: options.stream,
-            gate: Arc::new(gate),
-            ..App::new(sessions.clone(), options.requests)
-        };
+        let app = App::new(sessions.clone(), options.requests, options.stream, gate);
         let serving = tokio::spawn(firn::http::run(listener, app.clone(), shutdown.clone()));
         Server {
             url,
