@@ -8,7 +8,7 @@ ARGS ?=
 export NODEVICE_SELECT := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help serve test fuzz-api driver build fmt lint openapi clean
+.PHONY: help serve test fuzz-api deny driver build fmt lint openapi clean
 
 help: ## list these commands
 	@awk -F ':.* ## ' '/^[a-z-]+:.* ## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -28,6 +28,9 @@ test: $(if $(filter 1,$(FIRN_SKIP_GPU_TESTS)),,driver) lint ## make sure there i
 
 fuzz-api: ## send a server what its OpenAPI document allows and what it doesn't, for two minutes
 	scripts/fuzz-api 120
+
+deny: ## check every dependency's licence, source and known vulnerabilities; takes cargo-deny
+	$(CARGO) deny --locked check
 
 driver: ## make sure there is a Vulkan driver; install the distribution's where there is none
 	@scripts/vulkan-driver
