@@ -2,10 +2,15 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 use futures_util::StreamExt;
 use serde_json::{Value, json};
+use tokio::time::timeout;
 use tokio_tungstenite::connect_async;
+
+/// Beyond any wait of these tests.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 const KEY: &str = "a-key-that-nobody-can-guess";
 
@@ -125,7 +130,8 @@ async fn no_secret_is_logged() {
         stream.next().await.unwrap().unwrap();
         let reissue = client.post(format!("{path}/tokens")).bearer_auth(&token);
         created = reissue.send().await.unwrap().json().await.unwrap();
-        while stream.next().await.is_some_and(|message| message.is_ok()) {}
+        let ended = async { while stream.next().await.is_some_and(|message| message.is_ok()) {} };
+        timeout(PATIENCE, ended).await.expect("new tokens end the stream");
         assert!(
             connect_async(format!("{}/stream?token={viewer}", path.replace("http://", "ws://")))
                 .await
