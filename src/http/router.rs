@@ -11,7 +11,7 @@ use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::sensitive_headers::SetSensitiveRequestHeadersLayer;
 use tower_http::trace::{DefaultOnResponse, TraceLayer};
-use tracing::{Level, Span, error, info_span};
+use tracing::{Level, Span, debug_span, error};
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -137,9 +137,9 @@ fn method_name(method: &Method) -> &'static str {
     KNOWN.iter().position(|known| known == method).map_or("other", |place| NAMES[place])
 }
 
-/// The query is left out: it may hold a token.
+/// Made only where the log tells requests at all. The query is left out: it may hold a token.
 fn span(request: &Request) -> Span {
-    info_span!("request", method = %request.method(), path = request.uri().path())
+    debug_span!("request", method = %request.method(), path = request.uri().path())
 }
 
 async fn limit_time(State(app): State<App>, request: Request, next: Next) -> Response {
