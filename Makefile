@@ -8,7 +8,7 @@ ARGS ?=
 export NODEVICE_SELECT := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help serve test viewer test-viewer driver build fmt lint openapi clean
+.PHONY: help serve test fuzz-api deny viewer test-viewer driver build fmt lint openapi clean
 
 help: ## list these commands
 	@awk -F ':.* ## ' '/^[a-z-]+:.* ## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -43,11 +43,18 @@ test: $(if $(filter 1,$(FIRN_SKIP_GPU_TESTS)),,driver) lint ## make sure there i
 	else set -x; \
 		$(CARGO) test --locked --no-fail-fast; \
 	fi
+	scripts/fuzz-api 30
 ifeq ($(FIRN_SKIP_VIEWER_TESTS),1)
 	@echo "SKIPPED: the tests of the viewer and of the TypeScript client, by FIRN_SKIP_VIEWER_TESTS=1"
 else
 	@$(MAKE) --no-print-directory test-viewer
 endif
+
+fuzz-api: ## send a server what its OpenAPI document allows and what it doesn't, for two minutes
+	scripts/fuzz-api 120
+
+deny: ## check every dependency's licence, source and known vulnerabilities; takes cargo-deny
+	$(CARGO) deny --locked check
 
 driver: ## make sure there is a Vulkan driver; install the distribution's where there is none
 	@scripts/vulkan-driver

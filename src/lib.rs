@@ -13,6 +13,7 @@ pub mod experiment;
 pub mod http;
 pub mod load;
 pub mod metrics;
+pub mod open_files;
 pub mod problem;
 pub mod render;
 pub mod session;

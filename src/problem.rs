@@ -72,6 +72,16 @@ impl Problem {
         Problem::new(StatusCode::BAD_REQUEST, "malformed", "The request can't be read", detail)
     }
 
+    /// 401: a token is missing, or is none that this server knows.
+    pub fn unauthorized(detail: impl Into<String>) -> Problem {
+        Problem::new(StatusCode::UNAUTHORIZED, "unauthorized", "A token is needed", detail)
+    }
+
+    /// 403: known, but not allowed.
+    pub fn forbidden(detail: impl Into<String>) -> Problem {
+        Problem::new(StatusCode::FORBIDDEN, "forbidden", "Not allowed", detail)
+    }
+
     /// 404: there is no such thing.
     pub fn not_found(detail: impl Into<String>) -> Problem {
         Problem::new(StatusCode::NOT_FOUND, "not-found", "Not found", detail)
@@ -105,6 +115,12 @@ impl Problem {
         Problem::new(status, "unsupported-media-type", "Unsupported media type", detail)
     }
 
+    /// 421: the request was meant for another server.
+    pub fn misdirected(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::MISDIRECTED_REQUEST;
+        Problem::new(status, "misdirected", "Meant for another server", detail)
+    }
+
     /// 422: fields are invalid, unknown, missing or beyond a limit of a session.
     pub fn invalid(errors: Vec<FieldError>) -> Problem {
         let detail = match errors.as_slice() {
@@ -119,6 +135,12 @@ impl Problem {
     /// 422 for one field.
     pub fn invalid_field(pointer: impl Into<String>, detail: impl Into<String>) -> Problem {
         Problem::invalid(vec![FieldError { pointer: pointer.into(), detail: detail.into() }])
+    }
+
+    /// 429: more requests than are taken; try again after some seconds.
+    pub fn too_many_requests(detail: impl Into<String>, seconds: u32) -> Problem {
+        let status = StatusCode::TOO_MANY_REQUESTS;
+        Problem::new(status, "too-many-requests", "Too many requests", detail).retry_after(seconds)
     }
 
     /// 500: handling the request failed inside the server.
@@ -158,6 +180,7 @@ impl From<SessionError> for Problem {
         match error {
             SessionError::NotFound { .. } => Problem::not_found(detail),
             SessionError::Conflict(_) => Problem::conflict(detail),
+            SessionError::Forbidden(_) => Problem::forbidden(detail),
             SessionError::Invalid(fields) => {
                 Problem::invalid(fields.into_iter().map(FieldError::from).collect())
             }
@@ -202,6 +225,10 @@ impl IntoResponse for Problem {
         if let Some(seconds) = self.retry_after {
             response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }
+        if status == StatusCode::UNAUTHORIZED {
+            let scheme = HeaderValue::from_static("Bearer realm=\"firn\"");
+            response.headers_mut().insert(header::WWW_AUTHENTICATE, scheme);
+        }
         response
     }
 }
@@ -213,6 +240,7 @@ mod tests {
     #[test]
     fn each_session_error_has_its_status() {
         let cases = [
+            (SessionError::Forbidden(String::new()), 403),
             (SessionError::NotFound { kind: "session", id: "a".into() }, 404),
             (SessionError::Conflict(String::new()), 409),
             (SessionError::Invalid(Vec::new()), 422),

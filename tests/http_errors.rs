@@ -225,7 +225,7 @@ async fn a_request_that_takes_too_long_is_ended() {
     let server = Server::start_with(BackendChoice::Cpu, options).await;
     let address = server.url.strip_prefix("http://").unwrap();
     let mut stream = tokio::net::TcpStream::connect(address).await.unwrap();
-    let head = "POST /v1/sessions HTTP/1.1\r\nhost: firn\r\ncontent-type: application/json\r\n\
+    let head = "POST /v1/sessions HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\n\
                 content-length: 100\r\nconnection: close\r\n\r\n{";
     stream.write_all(head.as_bytes()).await.unwrap();
     let mut answer = String::new();

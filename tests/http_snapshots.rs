@@ -4,7 +4,7 @@ mod support;
 
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
-use support::{Reply, Server};
+use support::{Options, Reply, Server};
 
 on_each_backend!(
     a_restored_session_goes_on_bit_for_bit,
@@ -217,4 +217,37 @@ async fn a_reset_leads_back_to_the_digest_of_the_beginning(backend: BackendChoic
     server.post(&format!("{path}/reset"), Value::Null).await.expect(200);
     assert_eq!(digest(&server, &path).await, beginning);
     server.stop().await;
+}
+
+/// A full server says so before it reads the cells, which a small file can have a lot of.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_full_server_reads_no_cells() {
+    let mut options = Options::default();
+    options.limits.sessions = 1;
+    let server = Server::start_with(BackendChoice::Cpu, options).await;
+    let path = eventful(&server).await;
+    let mut file = snapshot(&server, &path).await;
+    // Whoever reads all of it finds that its hash is another.
+    file[20] ^= 1;
+    restore(&server, "", file.clone()).await.problem(429);
+    server.delete(&path).await.expect(204);
+    restore(&server, "", file).await.problem(422);
+    assert_eq!(server.sessions.count(), 0, "what was refused takes no room");
+    server.stop().await;
+}
+
+/// More than are decoded at the same time: they wait for each other, and all are made.
+#[tokio::test(flavor = "multi_thread")]
+async fn snapshots_wait_for_their_turn() {
+    let server = std::sync::Arc::new(Server::start(BackendChoice::Cpu).await);
+    let path = eventful(&server).await;
+    let file = snapshot(&server, &path).await;
+    let mut uploads = tokio::task::JoinSet::new();
+    for _ in 0..12 {
+        let (server, file) = (server.clone(), file.clone());
+        uploads.spawn(async move { restore(&server, "", file).await.status });
+    }
+    assert_eq!(uploads.join_all().await, [201; 12]);
+    assert_eq!(server.sessions.count(), 13);
+    std::sync::Arc::into_inner(server).expect("all are made").stop().await;
 }

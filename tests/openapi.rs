@@ -50,6 +50,7 @@ fn it_lists_every_call() {
         "delete ",
         "post /step",
         "post /reset",
+        "post /tokens",
         "post /snowfalls",
         "post /clearings",
         "put /air-temperature",

@@ -9,12 +9,14 @@ use tracing::{info, warn};
 use tracing_subscriber::EnvFilter;
 
 use crate::config::{
-    BackendChoice, EngineConfig, LimitsConfig, ListenConfig, LogConfig, RequestConfig, StreamConfig,
+    AccessConfig, BackendChoice, ConnectionConfig, EngineConfig, LimitsConfig, ListenConfig,
+    LogConfig, RequestConfig, StreamConfig,
 };
 use crate::engine::cpu::CpuBackend;
 use crate::engine::frame::{Backend, EngineError};
 use crate::engine::gpu::GpuBackend;
-use crate::http::{self, App};
+use crate::http::{self, App, Gate};
+use crate::open_files;
 use crate::session::{Sessions, World, WorldConfig};
 
 use super::{Failure, demo};
@@ -22,12 +24,17 @@ use super::{Failure, demo};
 /// Publications per second, beside those that requests ask for.
 const PUBLISH_RATE: f64 = 20.0;
 
+/// Open files that are needed beside one per connection.
+const OTHER_FILES: u64 = 64;
+
 /// Shown below the flags.
 pub const EXAMPLES: &str = "\
 Examples:
   firn serve --demo                        a snowpack to look at: GET /v1/sessions/demo
   firn serve --backend cpu                 without a graphics device
   firn serve --listen 127.0.0.1:0          on a free port; the log says which
+  firn serve --listen [::]:8080 --api-key-file key --tls-cert cert.pem --tls-key key.pem
+                                           for other machines, which need the key
   firn serve --listen [::]:8080 --allow-open    for every machine that can reach this one";
 
 /// Options of `firn serve`.
@@ -35,6 +42,10 @@ Examples:
 pub struct Serve {
     #[command(flatten)]
     listen: ListenConfig,
+    #[command(flatten)]
+    access: AccessConfig,
+    #[command(flatten)]
+    connections: ConnectionConfig,
     #[command(flatten)]
     engine: EngineConfig,
     #[command(flatten)]
@@ -58,11 +69,17 @@ pub struct Serve {
 pub fn run(options: &Serve) -> Result<(), Failure> {
     start_log(&options.log)?;
     let address = options.listen.listen;
-    if !address.ip().is_loopback() && !options.listen.allow_open {
+    let gate = Gate::new(&options.access, options.connections.clone()).map_err(Failure::Usage)?;
+    if gate.access.is_open() && !address.ip().is_loopback() && !options.listen.allow_open {
         return Err(Failure::Usage(format!(
-            "other machines can reach {address}, and everybody who does may do everything; add \
-             --allow-open if that is intended, or listen on 127.0.0.1"
+            "other machines can reach {address}, and without an API key everybody who does may do \
+             everything; give --api-key-file, or --allow-open if that is intended, or listen on \
+             127.0.0.1"
         )));
+    }
+    if let Err(error) = open_files::allow(options.connections.max_connections as u64 + OTHER_FILES)
+    {
+        warn!("not as many connections as --max-connections: {error}");
     }
     let failed = |what: &str, error: std::io::Error| Failure::Failed(format!("{what}: {error}"));
     let runtime =
@@ -76,33 +93,42 @@ pub fn run(options: &Serve) -> Result<(), Failure> {
         WorldConfig { limits: options.limits.limits(), publish_rate: PUBLISH_RATE, sleep: true };
     let (sessions, world) =
         World::start(backend, config).map_err(|error| failed("starting the engine", error))?;
-    let served = runtime.block_on(serve(options, listener, sessions));
+    let served = runtime.block_on(serve(options, listener, sessions, gate));
     world.stop();
     info!("stopped");
     served
 }
 
-async fn serve(options: &Serve, listener: TcpListener, sessions: Sessions) -> Result<(), Failure> {
+async fn serve(
+    options: &Serve,
+    listener: TcpListener,
+    sessions: Sessions,
+    gate: Gate,
+) -> Result<(), Failure> {
     let address = listener
         .local_addr()
         .map_err(|error| Failure::Failed(format!("the address listened on: {error}")))?;
     let device = sessions.device();
+    let scheme = if gate.tls.is_some() { "https" } else { "http" };
+    if !gate.access.is_open() && gate.tls.is_none() && !address.ip().is_loopback() {
+        warn!("tokens can be read on their way: --tls-cert or a proxy with TLS keeps them secret");
+    }
     info!(
         adapter = device.adapter,
         backend = device.backend,
-        auth = "open",
-        "listening on http://{address}"
+        auth = if gate.access.is_open() { "open" } else { "required" },
+        "listening on {scheme}://{address}"
     );
     info!("sessions live in memory only: they are gone when the server stops");
     if options.demo {
         demo::create(&sessions)
             .await
             .map_err(|error| Failure::Failed(format!("the session 'demo': {error}")))?;
-        info!("the session 'demo' is at http://{address}/v1/sessions/demo");
+        info!("the session 'demo' is at {scheme}://{address}/v1/sessions/demo");
     }
     let shutdown = CancellationToken::new();
     let signals = tokio::spawn(stop_on_signal(shutdown.clone()));
-    let app = App::new(sessions, options.requests, options.stream);
+    let app = App::new(sessions, options.requests, options.stream, gate);
     let served = http::run(listener, app, shutdown).await;
     signals.abort();
     served.map_err(|error| Failure::Failed(format!("serving: {error}")))

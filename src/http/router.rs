@@ -5,10 +5,11 @@ use std::time::Instant;
 
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};
-use axum::http::{Method, Uri};
+use axum::http::{Method, Uri, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::sensitive_headers::SetSensitiveRequestHeadersLayer;
 use tower_http::trace::{DefaultOnResponse, TraceLayer};
 use tracing::{Level, Span, debug_span, error};
 use utoipa::OpenApi;
@@ -20,10 +21,12 @@ use crate::problem::Problem;
 use crate::stream;
 
 use super::docs::Document;
+use super::gate::{authorize, check_host, check_origin};
 use super::handlers::{
     self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
-    openapi, probes, profile, reference, render, sessions, snapshots, snowfalls,
+    openapi, probes, profile, reference, render, sessions, snapshots, snowfalls, tokens,
 };
+use super::repeat::answer_once;
 use super::state::App;
 use super::viewer;
 
@@ -31,15 +34,22 @@ use super::viewer;
 pub fn router(app: App) -> Router {
     let (timed, _) = timed_routes().split_for_parts();
     let (untimed, _) = untimed_routes().split_for_parts();
+    let (streams, _) = stream_routes().split_for_parts();
     let limit = middleware::from_fn_with_state(app.clone(), limit_time);
-    let timed = timed.merge(reference::routes());
-    let routes = timed.layer(limit).merge(untimed).merge(viewer::routes());
+    let guard = middleware::from_fn_with_state(app.clone(), authorize);
+    // A request that is out of time is still carried out, and its repeat finds the answer.
+    let once = middleware::from_fn_with_state(app.clone(), answer_once);
+    let timed = timed.merge(reference::routes()).route_layer(once).layer(limit);
+    let routes = timed.merge(untimed).route_layer(guard).merge(streams).merge(viewer::routes());
     dress(routes, &app).with_state(app)
 }
 
 /// Every documented route.
 pub fn routes() -> OpenApiRouter<App> {
-    OpenApiRouter::with_openapi(Document::openapi()).merge(timed_routes()).merge(untimed_routes())
+    OpenApiRouter::with_openapi(Document::openapi())
+        .merge(timed_routes())
+        .merge(untimed_routes())
+        .merge(stream_routes())
 }
 
 /// Routes that have to answer within the time limit of requests.
@@ -48,6 +58,7 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(sessions::create, sessions::list))
         .routes(routes!(sessions::get, sessions::patch, sessions::delete))
         .routes(routes!(sessions::reset))
+        .routes(routes!(tokens::create))
         .routes(routes!(snowfalls::create))
         .routes(routes!(clearings::create))
         .routes(routes!(air_temperature::put))
@@ -72,7 +83,12 @@ fn timed_routes() -> OpenApiRouter<App> {
 
 /// Routes that may take as long as they need.
 fn untimed_routes() -> OpenApiRouter<App> {
-    OpenApiRouter::default().routes(routes!(sessions::step)).routes(routes!(stream::stream))
+    OpenApiRouter::default().routes(routes!(sessions::step))
+}
+
+/// The stream asks for the token by itself: a browser has to be told in another way.
+fn stream_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::default().routes(routes!(stream::stream))
 }
 
 /// Puts what holds for every request around some routes.
@@ -80,13 +96,21 @@ fn dress(routes: Router<App>, app: &App) -> Router<App> {
     let trace = TraceLayer::new_for_http()
         .make_span_with(span)
         .on_response(DefaultOnResponse::new().level(Level::DEBUG));
-    routes
+    let routes = routes
         .fallback(unknown_path)
         .method_not_allowed_fallback(unknown_method)
         .layer(DefaultBodyLimit::max(app.requests.max_body_bytes))
+        .layer(middleware::from_fn_with_state(app.clone(), check_origin));
+    let routes = match app.gate.neighbours.cors() {
+        Some(cors) => routes.layer(cors),
+        None => routes,
+    };
+    routes
+        .layer(middleware::from_fn_with_state(app.clone(), check_host))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::from_fn_with_state(app.clone(), time))
         .layer(trace)
+        .layer(SetSensitiveRequestHeadersLayer::new([header::AUTHORIZATION]))
 }
 
 /// Counts the request, and how long its answer takes.
@@ -166,6 +190,7 @@ mod tests {
     use super::*;
     use crate::config::{RequestConfig, StreamConfig};
     use crate::engine::cpu::CpuBackend;
+    use crate::http::Gate;
     use crate::session::{Limits, World, WorldConfig};
 
     fn app() -> App {
@@ -176,11 +201,12 @@ mod tests {
             World::start(Box::new(CpuBackend::new(None, false)), config).unwrap();
         let request_timeout = Duration::from_millis(20);
         let requests = RequestConfig { max_body_bytes: 64, request_timeout };
-        App::new(sessions, requests, StreamConfig::default())
+        App::new(sessions, requests, StreamConfig::default(), Gate::default())
     }
 
     async fn status(routes: Router<App>, app: &App) -> StatusCode {
-        let request = Request::get("/x").body(Body::empty()).unwrap();
+        let request =
+            Request::get("/x").header(header::HOST, "localhost").body(Body::empty()).unwrap();
         let router = dress(routes, app).with_state(app.clone());
         let response = router.oneshot(request).await.unwrap();
         assert_eq!(response.headers()["content-type"], "application/problem+json");

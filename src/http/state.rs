@@ -9,7 +9,9 @@ use tokio_util::task::TaskTracker;
 use crate::config::{RequestConfig, StreamConfig};
 use crate::metrics::Metrics;
 use crate::render::Renderer;
-use crate::session::Sessions;
+use crate::session::{Idempotency, Sessions};
+
+use super::gate::Gate;
 
 /// State shared by all requests and streams. Clones are handles to the same; there are several
 /// in each request.
@@ -27,6 +29,10 @@ pub struct Shared {
     pub requests: RequestConfig,
     /// Limits of streams.
     pub stream: StreamConfig,
+    /// Who gets in.
+    pub gate: Gate,
+    /// Answers to requests that may be repeated.
+    pub repeats: Idempotency,
     /// Draws pictures.
     pub renderer: Renderer,
     /// Cancelled when the server begins to stop: streams and long steps end then.
@@ -37,12 +43,19 @@ pub struct Shared {
 
 impl App {
     /// The state of a server that is about to start.
-    pub fn new(sessions: Sessions, requests: RequestConfig, stream: StreamConfig) -> App {
+    pub fn new(
+        sessions: Sessions,
+        requests: RequestConfig,
+        stream: StreamConfig,
+        gate: Gate,
+    ) -> App {
         App(Arc::new(Shared {
             metrics: Metrics::new(&sessions),
             sessions,
             requests,
             stream,
+            gate,
+            repeats: Idempotency::default(),
             renderer: Renderer::default(),
             draining: CancellationToken::new(),
             streams: TaskTracker::new(),

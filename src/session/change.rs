@@ -114,11 +114,11 @@ pub struct SettingsPatch {
     /// Seconds without request or stream after which the session may hibernate, `null` for never;
     /// this version keeps it awake.
     #[serde(deserialize_with = "some")]
-    #[schema(value_type = Option<f64>)]
+    #[schema(value_type = Option<f64>, minimum = 1, maximum = 1e9)]
     pub idle_timeout_s: Option<Option<f64>>,
     /// Seconds without request or stream after which the session is deleted; `null` for never.
     #[serde(deserialize_with = "some")]
-    #[schema(value_type = Option<f64>)]
+    #[schema(value_type = Option<f64>, minimum = 1, maximum = 1e9)]
     pub delete_after_s: Option<Option<f64>>,
 }
 

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 
 use serde::Serialize;
-use tokio::sync::{broadcast, mpsc, oneshot, watch};
+use tokio::sync::{Semaphore, broadcast, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
 
@@ -22,7 +22,7 @@ use super::registry::Sessions;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 use super::spec::{Limits, SessionSpec};
-use super::token::TokenHashes;
+use super::token::{TokenHashes, Tokens};
 use super::view::{Applied, ColumnView, MassView, SessionView, Stamp, State};
 use super::{gather, view};
 
@@ -84,11 +84,12 @@ pub struct Session {
     pub epoch: String,
     /// When it was created, RFC 3339.
     pub created_at: String,
-    /// Hashes of its tokens.
-    pub tokens: TokenHashes,
+    /// Hashes of its tokens; who may stay watches them.
+    pub(super) tokens: watch::Sender<TokenHashes>,
     /// The snapshot that it was made from, where it was.
     pub(super) origin: Option<Arc<[u8]>>,
     pub(super) limits: Limits,
+    decoding: Arc<Semaphore>,
     /// Key in the world; never used twice.
     pub(super) key: u64,
     pub(super) mirror: RwLock<Mirror>,
@@ -121,7 +122,8 @@ impl Session {
             created_at: humantime::format_rfc3339_millis(std::time::SystemTime::now()).to_string(),
             origin,
             limits: *sessions.limits(),
-            tokens,
+            decoding: sessions.decoding.clone(),
+            tokens: watch::Sender::new(tokens),
             key: sessions.keys.fetch_add(1, Ordering::Relaxed),
             published: watch::Sender::new(Stamp { tick: clock.tick(), seq: mirror.seq }),
             mirror: RwLock::new(mirror),
@@ -134,6 +136,32 @@ impl Session {
             companion: OnceLock::new(),
             spec,
         }
+    }
+
+    /// Hashes of its tokens.
+    pub fn tokens(&self) -> TokenHashes {
+        *self.tokens.borrow()
+    }
+
+    /// Hashes of its tokens, as they become.
+    pub fn token_changes(&self) -> watch::Receiver<TokenHashes> {
+        self.tokens.subscribe()
+    }
+
+    /// Gives it other tokens; the old ones stop working, and streams that were opened with them
+    /// end.
+    ///
+    /// # Errors
+    /// [`SessionError::Internal`] where there are no random numbers.
+    pub async fn reissue_tokens(&self) -> Result<Tokens, SessionError> {
+        let tokens = Tokens::generate()
+            .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
+        self.set_tokens(tokens.hashes());
+        Ok(tokens)
+    }
+
+    pub(super) fn set_tokens(&self, tokens: TokenHashes) {
+        self.tokens.send_replace(tokens);
     }
 
     /// The published state. Hold it only to copy out of it: publications wait meanwhile.
@@ -232,8 +260,13 @@ impl Session {
         let saved = match &self.origin {
             None => None,
             Some(bytes) => {
+                let permit = self.decoding.clone().acquire_owned().await;
                 let (bytes, limits) = (bytes.clone(), self.limits);
-                let decoded = blocking(move || Snapshot::decode(&bytes, &limits)).await?;
+                let decoded = blocking(move || {
+                    let _permit = permit;
+                    Snapshot::decode(&bytes, &limits)
+                });
+                let decoded = decoded.await?;
                 Some(Box::new(decoded))
             }
         };

@@ -1,7 +1,9 @@
 //! Secrets that let a client at one session.
 
-/// The secrets of a new session, told once.
-#[derive(Clone, Debug)]
+use std::fmt;
+
+/// The secrets of a session, told once.
+#[derive(Clone)]
 pub struct Tokens {
     /// Allows everything about the session.
     pub token: String,
@@ -10,12 +12,39 @@ pub struct Tokens {
 }
 
 /// What the server keeps of a session's secrets.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TokenHashes {
     /// Hash of the token that allows everything.
     pub token: blake3::Hash,
     /// Hash of the token that allows reads and streams.
     pub viewer_token: blake3::Hash,
+}
+
+/// What a token allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Grant {
+    /// Everything about its session.
+    Everything,
+    /// Its session's reads and streams.
+    Reads,
+}
+
+impl TokenHashes {
+    /// What the token of a hash allows; nothing where it is neither of the two.
+    pub fn grant(&self, token: &blake3::Hash) -> Option<Grant> {
+        // These comparisons take the same time wherever two hashes differ.
+        match (*token == self.token, *token == self.viewer_token) {
+            (true, _) => Some(Grant::Everything),
+            (_, true) => Some(Grant::Reads),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Debug for Tokens {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Tokens(…)")
+    }
 }
 
 impl Tokens {

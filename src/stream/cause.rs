@@ -22,13 +22,17 @@ pub enum Cause {
     TooManyCommands,
     /// The server is stopping.
     Draining,
+    /// The client's token is none of the session's, or no longer.
+    BadToken,
+    /// There is no such session.
+    UnknownSession,
     /// The session was deleted.
     Deleted,
 }
 
 impl Cause {
     /// Every cause.
-    pub const ALL: [Cause; 9] = [
+    pub const ALL: [Cause; 11] = [
         Cause::Done,
         Cause::Broken,
         Cause::Malformed,
@@ -37,6 +41,8 @@ impl Cause {
         Cause::TooSlow,
         Cause::TooManyCommands,
         Cause::Draining,
+        Cause::BadToken,
+        Cause::UnknownSession,
         Cause::Deleted,
     ];
 
@@ -51,6 +57,8 @@ impl Cause {
             Cause::TooSlow => "too_slow",
             Cause::TooManyCommands => "too_many_commands",
             Cause::Draining => "draining",
+            Cause::BadToken => "bad_token",
+            Cause::UnknownSession => "unknown_session",
             Cause::Deleted => "deleted",
         }
     }
@@ -65,6 +73,8 @@ impl Cause {
             Cause::TooBig => (1009, "a message may have at most 1 MiB"),
             Cause::TooSlow => (3008, "a message could not be delivered for too long"),
             Cause::TooManyCommands => (3013, "more commands per second than are taken"),
+            Cause::BadToken => (3500, "the token is missing, or not one of this session's"),
+            Cause::UnknownSession => (3501, "there is no such session"),
             Cause::Deleted => (3502, "the session was deleted"),
         };
         Some(CloseFrame { code, reason: reason.into() })
@@ -118,6 +128,8 @@ mod tests {
             (Cause::TooBig, Some(1009)),
             (Cause::TooSlow, Some(3008)),
             (Cause::TooManyCommands, Some(3013)),
+            (Cause::BadToken, Some(3500)),
+            (Cause::UnknownSession, Some(3501)),
             (Cause::Deleted, Some(3502)),
             (Cause::Silent, None),
         ];

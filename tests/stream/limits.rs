@@ -1,5 +1,6 @@
 //! What streams may take, and what they share.
 
+use std::num::NonZeroU32;
 use std::time::Duration;
 
 use firn::config::{BackendChoice, StreamConfig};
@@ -78,7 +79,8 @@ async fn a_client_that_lets_a_write_block_is_closed(backend: BackendChoice) {
 }
 
 async fn a_client_that_sends_too_many_commands_is_closed(backend: BackendChoice) {
-    let stream = StreamConfig { stream_commands_per_second: 1, ..StreamConfig::default() };
+    let stream =
+        StreamConfig { stream_commands_per_second: NonZeroU32::MIN, ..StreamConfig::default() };
     let server = Server::start_with(backend, Options { stream, ..Options::default() }).await;
     let session = server.create(support::small()).await;
     let mut client = Client::open(&server, &session).await;

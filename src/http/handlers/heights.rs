@@ -49,7 +49,7 @@ pub struct HeightsQuery {
     #[param(minimum = 1)]
     depth: Option<u32>,
     /// Columns from one sample to the next: 1, 2, 4 or 8.
-    #[param(default = 1)]
+    #[param(minimum = 1, maximum = 8, default = 1)]
     stride: Option<u32>,
     /// Adds the elevation of the ground.
     #[param(default = false)]

@@ -18,6 +18,7 @@ pub mod render;
 pub mod sessions;
 pub mod snapshots;
 pub mod snowfalls;
+pub mod tokens;
 
 use axum::http::{HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
