@@ -384,3 +384,46 @@ async fn what_is_wrong_with_a_picture_is_named(backend: BackendChoice) {
     assert_eq!(server.get(&part).await.status, 200);
     server.stop().await;
 }
+
+/// The server as a program of its own, ended with the test.
+#[cfg(target_os = "linux")]
+struct Program(std::process::Child);
+
+#[cfg(target_os = "linux")]
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn without_any_adapter_the_answer_says_what_is_missing() {
+    use std::io::{BufRead, BufReader};
+    use std::process::{Command, Stdio};
+
+    let mut program = Program(
+        Command::new(env!("CARGO_BIN_EXE_firn"))
+            .args(["serve", "--demo", "--backend", "cpu", "--listen", "127.0.0.1:0"])
+            // No driver is found in a file that is no driver's.
+            .envs([("VK_DRIVER_FILES", "/dev/null"), ("VK_ICD_FILENAMES", "/dev/null")])
+            .env_remove("VK_ADD_DRIVER_FILES")
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the server starts"),
+    );
+    let log = BufReader::new(program.0.stderr.take().expect("it is piped"));
+    let mut lines = log.lines().map_while(Result::ok);
+    let demo = lines
+        .find_map(|line| line.split_once("'demo' is at ").map(|(_, url)| url.to_owned()))
+        .expect("the log says where the session is");
+    let reply = reqwest::get(format!("{demo}/render.png")).await.expect("it answers");
+    assert_eq!(reply.status(), 501);
+    let problem: Value = reply.json().await.expect("a problem");
+    assert_eq!(problem["type"], "urn:firn:problem:not-implemented");
+    assert!(problem["detail"].as_str().unwrap().contains("mesa-vulkan-drivers"), "{problem}");
+    // Everything else works.
+    let profile = reqwest::get(format!("{demo}/profile.svg?column_x=0&column_z=0")).await;
+    assert_eq!(profile.expect("it answers").status(), 200);
+}

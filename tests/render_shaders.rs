@@ -30,7 +30,8 @@ fn members<'a>(module: &'a naga::Module, name: &str) -> (&'a [naga::StructMember
 fn shaders_are_valid_and_take_the_view_as_the_host_lays_it_out() {
     for (name, source) in SHADERS {
         let module = parse(name, &source.join("\n"));
-        for (stage, ending) in [(ShaderStage::Vertex, "vertex"), (ShaderStage::Fragment, "fragment")]
+        for (stage, ending) in
+            [(ShaderStage::Vertex, "vertex"), (ShaderStage::Fragment, "fragment")]
         {
             let entry = format!("{name}_{ending}");
             let mut entries = module.entry_points.iter();

@@ -102,7 +102,7 @@ async fn serve(options: &Serve, listener: TcpListener, sessions: Sessions) -> Re
     }
     let shutdown = CancellationToken::new();
     let signals = tokio::spawn(stop_on_signal(shutdown.clone()));
-    let app = App { stream: options.stream, ..App::new(sessions, options.requests) };
+    let app = App::new(sessions, options.requests, options.stream);
     let served = http::run(listener, app, shutdown).await;
     signals.abort();
     served.map_err(|error| Failure::Failed(format!("serving: {error}")))

@@ -7,9 +7,11 @@ mod extract;
 mod handlers;
 mod page;
 mod query;
+mod reference;
 mod router;
 mod run;
 mod state;
+mod viewer;
 
 pub use docs::document;
 pub use router::router;

@@ -1,35 +1,39 @@
 //! Every route, and the layers around them.
 
 use std::any::Any;
+use std::time::Instant;
 
 use axum::Router;
-use axum::extract::{DefaultBodyLimit, Request, State};
+use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};
 use axum::http::{Method, Uri};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::trace::{DefaultOnResponse, TraceLayer};
-use tracing::{Level, Span, error, info_span};
+use tracing::{Level, Span, debug_span, error};
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use crate::metrics;
 use crate::problem::Problem;
 use crate::stream;
 
 use super::docs::Document;
 use super::handlers::{
-    air_temperature, cells, clearings, colliders, columns, health, height, heights, mass, openapi,
-    probes, profile, reference, render, sessions, snapshots, snowfalls,
+    self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
+    openapi, probes, profile, render, sessions, snapshots, snowfalls,
 };
 use super::state::App;
+use super::{reference, viewer};
 
 /// The whole server.
 pub fn router(app: App) -> Router {
     let (timed, _) = timed_routes().split_for_parts();
     let (untimed, _) = untimed_routes().split_for_parts();
     let limit = middleware::from_fn_with_state(app.clone(), limit_time);
-    let routes = timed.merge(reference::routes()).layer(limit).merge(untimed);
+    let routes =
+        timed.layer(limit).merge(untimed).merge(reference::routes()).merge(viewer::routes());
     dress(routes, &app).with_state(app)
 }
 
@@ -62,6 +66,7 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(probes::create))
         .routes(routes!(health::livez))
         .routes(routes!(health::readyz))
+        .routes(routes!(handlers::metrics::get))
         .routes(routes!(openapi::get))
 }
 
@@ -80,12 +85,40 @@ fn dress(routes: Router<App>, app: &App) -> Router<App> {
         .method_not_allowed_fallback(unknown_method)
         .layer(DefaultBodyLimit::max(app.requests.max_body_bytes))
         .layer(CatchPanicLayer::custom(panicked))
+        .layer(middleware::from_fn_with_state(app.clone(), time))
         .layer(trace)
 }
 
-/// The query is left out: it may hold a token.
+/// Counts the request, and how long its answer takes.
+async fn time(State(app): State<App>, request: Request, next: Next) -> Response {
+    let begun = Instant::now();
+    let route = request.extensions().get::<MatchedPath>();
+    let route = route.map_or(String::new(), |path| path.as_str().to_owned());
+    let method = method_name(request.method());
+    let response = next.run(request).await;
+    let status = response.status().as_u16();
+    app.metrics.requests.answered(&metrics::Request { method, route, status }, begun.elapsed());
+    response
+}
+
+/// Methods that clients make up are one, so that they can't fill the memory.
+fn method_name(method: &Method) -> &'static str {
+    const KNOWN: [Method; 7] = [
+        Method::GET,
+        Method::POST,
+        Method::PUT,
+        Method::PATCH,
+        Method::DELETE,
+        Method::HEAD,
+        Method::OPTIONS,
+    ];
+    const NAMES: [&str; 7] = ["GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"];
+    KNOWN.iter().position(|known| known == method).map_or("other", |place| NAMES[place])
+}
+
+/// Made only where the log tells requests at all. The query is left out: it may hold a token.
 fn span(request: &Request) -> Span {
-    info_span!("request", method = %request.method(), path = request.uri().path())
+    debug_span!("request", method = %request.method(), path = request.uri().path())
 }
 
 async fn limit_time(State(app): State<App>, request: Request, next: Next) -> Response {
@@ -131,7 +164,7 @@ mod tests {
     use tower::ServiceExt;
 
     use super::*;
-    use crate::config::RequestConfig;
+    use crate::config::{RequestConfig, StreamConfig};
     use crate::engine::cpu::CpuBackend;
     use crate::session::{Limits, World, WorldConfig};
 
@@ -142,7 +175,8 @@ mod tests {
         let (sessions, _world) =
             World::start(Box::new(CpuBackend::new(None, false)), config).unwrap();
         let request_timeout = Duration::from_millis(20);
-        App::new(sessions, RequestConfig { max_body_bytes: 64, request_timeout })
+        let requests = RequestConfig { max_body_bytes: 64, request_timeout };
+        App::new(sessions, requests, StreamConfig::default())
     }
 
     async fn status(routes: Router<App>, app: &App) -> StatusCode {

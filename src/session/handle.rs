@@ -92,7 +92,7 @@ pub struct Session {
     /// Key in the world; never used twice.
     pub(super) key: u64,
     pub(super) mirror: RwLock<Mirror>,
-    pub(super) published: watch::Sender<u64>,
+    pub(super) published: watch::Sender<Stamp>,
     pub(super) events: broadcast::Sender<Event>,
     pub(super) gone: CancellationToken,
     /// Lowest and highest elevation of the ground \[m\].
@@ -123,7 +123,7 @@ impl Session {
             limits: *sessions.limits(),
             tokens,
             key: sessions.keys.fetch_add(1, Ordering::Relaxed),
-            published: watch::Sender::new(mirror.seq),
+            published: watch::Sender::new(Stamp { tick: clock.tick(), seq: mirror.seq }),
             mirror: RwLock::new(mirror),
             events: broadcast::Sender::new(EVENT_BACKLOG),
             gone: CancellationToken::new(),
@@ -158,8 +158,8 @@ impl Session {
         frames as f64 / FRAME_RATE
     }
 
-    /// The newest published `seq`, and a way to wait for the next.
-    pub fn publications(&self) -> watch::Receiver<u64> {
+    /// The newest published state's stamp, and a way to wait for the next.
+    pub fn publications(&self) -> watch::Receiver<Stamp> {
         self.published.subscribe()
     }
 

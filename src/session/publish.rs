@@ -80,10 +80,11 @@ impl Simulation {
         mirror.seq = seq;
         drop(mirror);
         self.unpublished = false;
+        let stamp = Stamp { tick: self.clock.tick(), seq };
         if changed {
-            session.published.send_replace(seq);
+            session.published.send_replace(stamp);
         }
-        Stamp { tick: self.clock.tick(), seq }
+        stamp
     }
 
     /// Everything of the mirror that costs nothing to copy.

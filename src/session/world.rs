@@ -12,7 +12,7 @@ mod slots;
 use std::collections::{HashMap, HashSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
@@ -22,6 +22,7 @@ use tracing::error;
 use crate::engine::frame::Backend;
 
 use super::message::Message;
+use super::pace::Pace;
 use super::registry::{Names, Sessions};
 use super::spec::Limits;
 use super::vitals::Vitals;
@@ -61,12 +62,7 @@ impl World {
         let (send, inbox) = mpsc::channel(INBOX);
         let names = Arc::new(Names::default());
         let frames = Arc::new(AtomicU64::new(0));
-        let vitals = Arc::new(Vitals {
-            device: backend.device().clone(),
-            healthy: AtomicBool::new(true),
-            memory: AtomicU64::new(backend.memory()),
-            slipped_us: AtomicU64::new(0),
-        });
+        let vitals = Arc::new(Vitals::new(backend.device().clone(), backend.memory()));
         let sessions = Sessions::new(
             names.clone(),
             send.clone(),
@@ -88,6 +84,7 @@ impl World {
             full: false,
             next_inspection: 0,
             next_beat: Instant::now(),
+            pace: Pace::default(),
             simulations: HashMap::new(),
             active: HashSet::new(),
             slots: Slots::default(),

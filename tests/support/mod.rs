@@ -166,7 +166,7 @@ impl Server {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port is free");
         let url = format!("http://{}", listener.local_addr().expect("it has an address"));
         let shutdown = CancellationToken::new();
-        let app = App { stream: options.stream, ..App::new(sessions.clone(), options.requests) };
+        let app = App::new(sessions.clone(), options.requests, options.stream);
         let serving = tokio::spawn(firn::http::run(listener, app.clone(), shutdown.clone()));
         Server {
             url,

@@ -14,6 +14,7 @@ use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
 use crate::session::gather::MOST_SAMPLES;
 use crate::session::message::Message;
+use crate::session::pace::Pace;
 use crate::session::registry::Names;
 use crate::session::simulation::Simulation;
 use crate::session::vitals::Vitals;
@@ -39,6 +40,7 @@ pub(super) struct Engine {
     /// Frame of the next look for sessions that nobody wants.
     pub(super) next_inspection: u64,
     pub(super) next_beat: Instant,
+    pub(super) pace: Pace,
     pub(super) simulations: HashMap<u64, Simulation>,
     /// Keys of the simulations that want to be in the coming frames.
     pub(super) active: HashSet<u64>,
@@ -105,13 +107,14 @@ impl Engine {
         }
         self.frame += 1;
         self.frames.store(self.frame, Ordering::Relaxed);
-        self.next_beat += Duration::from_secs_f64(1.0 / FRAME_RATE);
-        if self.next_beat < now {
-            // The machine can't keep up, or has just begun: time slips, ticks don't pile up.
-            let slipped = (now - self.next_beat).as_micros() as u64;
-            self.vitals.slipped_us.fetch_add(slipped, Ordering::Relaxed);
-            self.next_beat = now;
-        }
+        let beat = Duration::from_secs_f64(1.0 / FRAME_RATE);
+        self.next_beat += beat;
+        // Behind that, the machine can't keep up, or has just begun: time slips, ticks don't pile up.
+        let slipped = now.saturating_duration_since(self.next_beat);
+        self.next_beat += slipped;
+        self.vitals.slipped_us.fetch_add(slipped.as_micros() as u64, Ordering::Relaxed);
+        let overloaded = self.pace.note(beat + slipped, slipped);
+        self.vitals.overloaded.store(overloaded, Ordering::Relaxed);
         let publications =
             |frame: u64| (frame as f64 * self.config.publish_rate / FRAME_RATE + 1e-9) as u64;
         publications(self.frame) > publications(self.frame - 1)
@@ -144,6 +147,7 @@ impl Engine {
     /// Submits one frame for everybody who has something to do, and concludes it.
     fn carry_out_frame(&mut self, publish: bool) -> Result<(), EngineError> {
         let (number, sleep) = (self.frame, self.config.sleep);
+        let begun = Instant::now();
         let mut frame = Frame::default();
         let mut keys = Vec::new();
         let mut samples = MOST_SAMPLES;
@@ -161,15 +165,18 @@ impl Engine {
         if keys.is_empty() {
             return Ok(());
         }
-        let begun = Instant::now();
+        let submitted = Instant::now();
         self.backend.submit(frame)?;
         let outcome = loop {
             if let Some(outcome) = self.backend.poll(PATIENCE)? {
                 break outcome;
             }
         };
-        let took = begun.elapsed();
+        let took = submitted.elapsed();
         self.conclude(&keys, outcome, took);
+        self.vitals.frames.fetch_add(1, Ordering::Relaxed);
+        let whole = begun.elapsed().as_micros() as u64;
+        self.vitals.frame_time_us.fetch_add(whole, Ordering::Relaxed);
         Ok(())
     }
 
