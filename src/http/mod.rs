@@ -8,6 +8,7 @@ mod gate;
 mod handlers;
 mod page;
 mod query;
+mod reference;
 mod repeat;
 mod router;
 mod run;

@@ -24,11 +24,11 @@ use super::docs::Document;
 use super::gate::{authorize, check_host, check_origin};
 use super::handlers::{
     self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
-    openapi, probes, profile, reference, render, sessions, snapshots, snowfalls, tokens,
+    openapi, probes, profile, render, sessions, snapshots, snowfalls, tokens,
 };
 use super::repeat::answer_once;
 use super::state::App;
-use super::viewer;
+use super::{reference, viewer};
 
 /// The whole server.
 pub fn router(app: App) -> Router {
@@ -39,8 +39,9 @@ pub fn router(app: App) -> Router {
     let guard = middleware::from_fn_with_state(app.clone(), authorize);
     // A request that is out of time is still carried out, and its repeat finds the answer.
     let once = middleware::from_fn_with_state(app.clone(), answer_once);
-    let timed = timed.merge(reference::routes()).route_layer(once).layer(limit);
-    let routes = timed.merge(untimed).route_layer(guard).merge(streams).merge(viewer::routes());
+    let guarded = timed.route_layer(once).layer(limit).merge(untimed).route_layer(guard);
+    let pages = reference::routes().merge(viewer::routes());
+    let routes = guarded.merge(streams).merge(pages);
     dress(routes, &app).with_state(app)
 }
 

@@ -50,11 +50,8 @@ pub(super) trait Paint {
 type Open = dyn Fn() -> Result<Box<dyn Paint>, EngineError> + Send + Sync;
 type Reply = oneshot::Sender<Result<Vec<u8>, RenderError>>;
 
-/// Draws pictures, one after the other. Clones are handles to the same.
-#[derive(Clone)]
-pub struct Renderer(Arc<Shared>);
-
-struct Shared {
+/// Draws pictures, one after the other.
+pub struct Renderer {
     open: Arc<Open>,
     worker: Mutex<Option<Worker>>,
 }
@@ -78,7 +75,7 @@ impl fmt::Debug for Renderer {
 
 impl Renderer {
     fn with(open: Arc<Open>) -> Renderer {
-        Renderer(Arc::new(Shared { open, worker: Mutex::new(None) }))
+        Renderer { open, worker: Mutex::new(None) }
     }
 
     /// Draws; the pixels come row by row: red, green, blue and alpha.
@@ -87,12 +84,10 @@ impl Renderer {
     /// [`RenderError::Busy`] at once where too many wait, otherwise [`RenderError::Engine`].
     pub(super) async fn paint(&self, shot: Shot) -> Result<Vec<u8>, RenderError> {
         let (reply, answer) = oneshot::channel();
-        self.0.send(shot, reply)?;
+        self.send(shot, reply)?;
         answer.await.map_err(|_| failed("drawing panicked".to_owned()))?
     }
-}
 
-impl Shared {
     fn send(&self, shot: Shot, reply: Reply) -> Result<(), RenderError> {
         let mut slot = self.worker.lock().unwrap_or_else(PoisonError::into_inner);
         let worker = match slot.take() {
@@ -109,7 +104,7 @@ impl Shared {
     }
 }
 
-impl Drop for Shared {
+impl Drop for Renderer {
     fn drop(&mut self) {
         let worker = self.worker.get_mut().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(Worker { inbox, thread }) = worker {
@@ -217,7 +212,7 @@ mod tests {
         let asked: Vec<_> = (0..WAITING + 2)
             .map(|_| {
                 let (reply, answer) = oneshot::channel();
-                (renderer.0.send(shot(), reply), answer)
+                (renderer.send(shot(), reply), answer)
             })
             .collect();
         let refused = asked.iter().filter(|(sent, _)| matches!(sent, Err(RenderError::Busy)));

@@ -13,7 +13,6 @@ pub mod metrics;
 pub mod openapi;
 pub mod probes;
 pub mod profile;
-pub mod reference;
 pub mod render;
 pub mod sessions;
 pub mod snapshots;

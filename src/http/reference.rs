@@ -9,8 +9,9 @@ use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing;
 use utoipa_swagger_ui::Config;
 
-use crate::http::state::App;
 use crate::problem::Problem;
+
+use super::state::App;
 
 /// Nothing is loaded from another host, no script stands in a page, and no other page frames it.
 /// Swagger UI styles some elements itself, and holds its icons as `data:`.
