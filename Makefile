@@ -11,7 +11,7 @@ export NODEVICE_SELECT := 1
 .PHONY: help serve test driver build fmt lint openapi clean
 
 help: ## list these commands
-	@awk -F ':.* ## ' '/^[a-z]+:.* ## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.* ## ' '/^[a-z-]+:.* ## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 serve: ## build, make sure there is a Vulkan driver, serve with a demo session
 	@scripts/vulkan-driver || echo "Going on without: the server computes on the CPU."
@@ -41,6 +41,10 @@ lint: ## check format and lints
 openapi: ## write api/openapi.json anew from the handlers
 	$(CARGO) run --release --locked -- openapi > target/openapi.json
 	mv target/openapi.json api/openapi.json
+
+.PHONY: lint-api
+lint-api: ## check api/openapi.json and api/asyncapi.yaml with the linters of their formats
+	scripts/lint-api
 
 clean: ## remove everything that was built
 	$(CARGO) clean
