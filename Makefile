@@ -42,6 +42,10 @@ openapi: ## write api/openapi.json anew from the handlers
 	$(CARGO) run --release --locked -- openapi > target/openapi.json
 	mv target/openapi.json api/openapi.json
 
+.PHONY: test-python
+test-python: build ## test the Python client and the stream's published contract against the server
+	scripts/test-python
+
 .PHONY: lint-api
 lint-api: ## check api/openapi.json and api/asyncapi.yaml with the linters of their formats
 	scripts/lint-api

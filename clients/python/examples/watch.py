@@ -8,15 +8,14 @@ from firn import Client
 
 async def main(url: str = "http://127.0.0.1:8080") -> None:
     with Client(url) as firn:
-        session = firn.create_session(initial_snow=[{"depth": 2}], time_scale=60)
+        session = firn.create_session(initial_snow=[{"depth": 2}], time_scale=30)
         async with session.stream() as stream:
-            snow = await stream.subscribe(max_rate=2)
+            snow = await stream.subscribe(max_rate=1)
             await stream.command("snowfall", depth=1, region={"x": 0, "z": 0, "width": 5, "depth": 10})
-            async for change in snow:
-                lowest, highest = snow.heights.min(), snow.heights.max()
-                print(f"tick {change.tick}: {len(change.parts)} tiles changed, {lowest:.3f} to {highest:.3f} m")
-                if session.get()["settled"]:
-                    break
+            for _ in range(5):
+                change = await anext(snow)
+                low, high = snow.heights.min(), snow.heights.max()
+                print(f"tick {change.tick}: {len(change.parts)} tiles changed, {low:.3f} to {high:.3f} m")
         session.delete()
 
 
