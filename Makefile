@@ -42,9 +42,19 @@ openapi: ## write api/openapi.json anew from the handlers
 	$(CARGO) run --release --locked -- openapi > target/openapi.json
 	mv target/openapi.json api/openapi.json
 
+.PHONY: configuration
+configuration: ## write the table of options in docs/operations.md anew
+	$(CARGO) run --release --locked -- configuration > target/configuration.md
+	sed -i -e '/<!-- configuration -->/,/<!-- end -->/{//!d}' -e '/<!-- configuration -->/r target/configuration.md' \
+		docs/operations.md
+
 .PHONY: test-python
 test-python: build ## test the Python client and the stream's published contract against the server
 	scripts/test-python
+
+.PHONY: test-unity
+test-unity: build ## test the client for Unity, compiled by Mono
+	scripts/test-unity
 
 .PHONY: lint-api
 lint-api: ## check api/openapi.json and api/asyncapi.yaml with the linters of their formats

@@ -15,8 +15,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
-from conftest import ROOT
 from firn import Client, HeightMessage, decode
+from server import ROOT
 
 DOCUMENT = yaml.safe_load((ROOT / "api/asyncapi.yaml").read_text())
 MESSAGES = DOCUMENT["components"]["messages"]

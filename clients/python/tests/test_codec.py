@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from conftest import ROOT
 from firn import DecodeError, decode
+from server import ROOT
 
 VECTORS = json.loads((ROOT / "api/height-stream-vectors.json").read_text())
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
-from conftest import Server
-from firn import Change, Client, Disconnected, ProblemError, Session, StreamClosed, Subscription
+from firn import Change, Client, Disconnected, ProblemError, Session, StreamClosed, Subscription, decode
 from line import Line
+from server import Server
 
 GRID = {"width": 50, "depth": 20, "height": 30, "cell_size": 0.2}
 
@@ -46,6 +47,24 @@ async def test_a_subscription_holds_what_rest_tells(client: Client) -> None:
         assert_same(whole, session)
         await until(coarse, lambda change: change.seq >= fall["seq"])
         assert_same(coarse, session, stride=4)
+
+
+async def test_a_state_is_resumed_by_the_epoch_that_it_was_told_under() -> None:
+    sent: list[dict[str, Any]] = []
+    wish = {"region": None, "stride": 1, "max_rate": 20, "quantum": 0.001, "colliders": False}
+    snow = Subscription(1, wish, sent.append)
+    grid = {"width": 8, "depth": 8, "height": 1, "cell_size": 1.0}
+
+    def begin(epoch: str) -> Any:
+        welcome: Any = {"epoch": epoch, "grid": grid}
+        return snow._begin(welcome)["resume"]
+
+    assert begin("one") is None
+    snow._take(decode(bytes.fromhex("01 00 02 05 00 01 01 00 02 00 07")))
+    assert (snow.seq, snow.heights[0, 0]) == (5, 0.007)
+    # The connections to the second server end before its snapshot is there.
+    assert begin("two") == {"epoch": "one", "seq": 5}
+    assert begin("two") == {"epoch": "one", "seq": 5}
 
 
 async def test_only_tiles_that_changed_are_told(client: Client) -> None:

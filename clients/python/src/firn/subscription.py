@@ -55,6 +55,7 @@ class Subscription:
         self._tell = tell
         self._grid = (0, 0)
         self._epoch = ""
+        self._seen: tuple[str, int] | None = None
         self._parts: list[HeightMessage] = []
         self._news: Change | None = None
         self._ended: Exception | None = None
@@ -99,8 +100,10 @@ class Subscription:
             self._grid = grid
             self.heights = np.empty((0, 0))
             self._look_at(self._wish["region"])
-        whole = self.seq > 0 and not np.isnan(self.heights).any()
-        resume = {"epoch": self._epoch, "seq": self.seq} if whole else None
+        resume = None
+        if self._seen is not None and not np.isnan(self.heights).any():
+            # The epoch is that of the connection on which the state was told, whatever this one's is.
+            resume = dict(zip(("epoch", "seq"), self._seen, strict=True))
         self._epoch = welcome["epoch"]
         return {"op": "subscribe", "id": self.id, **self._wish, "resume": resume}
 
@@ -146,6 +149,7 @@ class Subscription:
         if told:
             self.colliders = [collider for some in told for collider in some]
         self.tick, self.seq = message.tick, message.seq
+        self._seen = (self._epoch, self.seq)
         news = self._news or Change()
         known = {(z.start, x.start): (z, x) for z, x in news.parts}
         known |= {(part[0].start, part[1].start): part for part in changed if part is not None}
