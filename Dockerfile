@@ -1,8 +1,15 @@
 # A server that runs with and without a GPU. Build: docker build --tag firn .
 
+FROM node:24-bookworm-slim AS viewer
+WORKDIR /src
+COPY clients/typescript clients/typescript
+COPY viewer viewer
+RUN cd viewer && npm ci && npm run build
+
 FROM rust:1.95-bookworm AS build
 WORKDIR /src
 COPY . .
+COPY --from=viewer /src/viewer/dist viewer/dist
 RUN --mount=type=cache,target=/usr/local/cargo/registry \
     --mount=type=cache,target=/src/target \
     cargo build --release --locked \

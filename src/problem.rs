@@ -9,6 +9,9 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use crate::diagram::ChartError;
+use crate::engine::frame::EngineError;
+use crate::render::RenderError;
 use crate::session::{Invalid, SessionError};
 
 pub use json::parse;
@@ -123,6 +126,18 @@ impl Problem {
         Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "Internal error", detail)
     }
 
+    /// 501: this server can't do it, whatever is asked.
+    pub fn not_implemented(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::NOT_IMPLEMENTED;
+        Problem::new(status, "not-implemented", "Not possible on this server", detail)
+    }
+
+    /// 507: the device's memory is full.
+    pub fn out_of_memory(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::INSUFFICIENT_STORAGE;
+        Problem::new(status, "out-of-memory", "Device memory is full", detail)
+    }
+
     /// 503: not ready, stopping, or too slow just now.
     pub fn unavailable(detail: impl Into<String>) -> Problem {
         let status = StatusCode::SERVICE_UNAVAILABLE;
@@ -151,13 +166,30 @@ impl From<SessionError> for Problem {
                 Problem::new(status, "server-full", "The server is full", detail)
                     .retry_after(RETRY_WHEN_FULL)
             }
-            SessionError::OutOfMemory(_) => {
-                let status = StatusCode::INSUFFICIENT_STORAGE;
-                Problem::new(status, "out-of-memory", "Device memory is full", detail)
-            }
+            SessionError::OutOfMemory(_) => Problem::out_of_memory(detail),
             SessionError::Unavailable(_) => Problem::unavailable(detail),
             SessionError::Internal(_) => Problem::internal(detail),
         }
+    }
+}
+
+impl From<RenderError> for Problem {
+    fn from(error: RenderError) -> Problem {
+        let detail = error.to_string();
+        match error {
+            RenderError::Busy => Problem::unavailable(detail),
+            RenderError::Engine(EngineError::NoAdapter(_)) => Problem::not_implemented(detail),
+            RenderError::Engine(EngineError::OutOfMemory(_)) => Problem::out_of_memory(detail),
+            RenderError::Engine(EngineError::DeviceFailed(_))
+            | RenderError::Panicked
+            | RenderError::Encoding(_) => Problem::internal(detail),
+        }
+    }
+}
+
+impl From<ChartError> for Problem {
+    fn from(error: ChartError) -> Problem {
+        Problem::internal(error.to_string())
     }
 }
 

@@ -62,6 +62,16 @@ pub struct ColliderPath {
     cid: String,
 }
 
+/// What a client may hold already.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "it only describes the parameter")]
+pub struct Held {
+    /// ETags of what the client holds, or `*`; compared weakly.
+    #[param(rename = "If-None-Match")]
+    if_none_match: Option<String>,
+}
+
 /// Problems of every call about a session.
 #[derive(IntoResponses)]
 #[expect(dead_code, reason = "it only describes the responses")]

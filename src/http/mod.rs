@@ -10,6 +10,7 @@ mod query;
 mod router;
 mod run;
 mod state;
+mod viewer;
 
 pub use docs::document;
 pub use router::router;

@@ -22,16 +22,18 @@ use crate::stream;
 use super::docs::Document;
 use super::handlers::{
     self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
-    openapi, probes, sessions, snapshots, snowfalls,
+    openapi, probes, profile, reference, render, sessions, snapshots, snowfalls,
 };
 use super::state::App;
+use super::viewer;
 
 /// The whole server.
 pub fn router(app: App) -> Router {
     let (timed, _) = timed_routes().split_for_parts();
     let (untimed, _) = untimed_routes().split_for_parts();
     let limit = middleware::from_fn_with_state(app.clone(), limit_time);
-    let routes = timed.layer(limit).merge(untimed);
+    let timed = timed.merge(reference::routes());
+    let routes = timed.layer(limit).merge(untimed).merge(viewer::routes());
     dress(routes, &app).with_state(app)
 }
 
@@ -57,6 +59,8 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(columns::get))
         .routes(routes!(cells::get))
         .routes(routes!(mass::get))
+        .routes(routes!(render::get))
+        .routes(routes!(profile::get))
         .routes(routes!(snapshots::get))
         .routes(routes!(snapshots::digest))
         .routes(routes!(probes::create))

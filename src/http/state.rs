@@ -8,6 +8,7 @@ use tokio_util::task::TaskTracker;
 
 use crate::config::{RequestConfig, StreamConfig};
 use crate::metrics::Metrics;
+use crate::render::Renderer;
 use crate::session::Sessions;
 
 /// State shared by all requests and streams. Clones are handles to the same; there are several
@@ -26,6 +27,8 @@ pub struct Shared {
     pub requests: RequestConfig,
     /// Limits of streams.
     pub stream: StreamConfig,
+    /// Draws pictures.
+    pub renderer: Renderer,
     /// Cancelled when the server begins to stop: streams and long steps end then.
     pub draining: CancellationToken,
     /// The stream tasks that the server waits for when it stops.
@@ -40,6 +43,7 @@ impl App {
             sessions,
             requests,
             stream,
+            renderer: Renderer::default(),
             draining: CancellationToken::new(),
             streams: TaskTracker::new(),
         }))

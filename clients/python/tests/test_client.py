@@ -75,6 +75,17 @@ def test_a_snapshot_is_the_same_snow(client: Client) -> None:
     assert taken.value.status == 409
 
 
+def test_pictures(client: Client) -> None:
+    session = client.create_session(paused=True, grid=GRID, initial_snow=[{"depth": 2}])
+    assert session.profile(3, 4).lstrip().startswith(("<svg", "<?xml"))
+    try:
+        picture = session.render(view="surface", width=64, height=48)
+    except ProblemError as error:
+        assert error.status == 503, "a server without a graphics adapter draws nothing"
+    else:
+        assert picture.startswith(b"\x89PNG")
+
+
 def test_a_refusal_names_the_fields(client: Client) -> None:
     with pytest.raises(ProblemError, match="-40") as refused:
         client.create_session(air_temperature=4, tick_rate=0)

@@ -2,7 +2,7 @@
 
 mod arena;
 mod buffer;
-mod device;
+pub mod device;
 mod encode;
 pub mod kernels;
 pub mod layout;

@@ -176,6 +176,15 @@ class Session:
         """How deep loads would sink, without putting them there."""
         return list(self._call("POST", "/probes", json={"probes": list(probes)})["probes"])
 
+    def render(self, **query: Any) -> bytes:
+        """A picture as PNG: `view` grid, surface or section, `field`, `position`, `width`, `height`, `yaw`, `pitch`."""
+        return self.client.request("GET", f"{self.path}/render.png", params=query).content
+
+    def profile(self, column_x: int, column_z: int) -> str:
+        """Density and hardness of a column over its depth, drawn as SVG."""
+        params = {"column_x": column_x, "column_z": column_z}
+        return self.client.request("GET", f"{self.path}/profile.svg", params=params).text
+
     def stream(self, on_event: Callable[[Event], None] | None = None) -> Stream:
         """The height stream: `async with session.stream() as stream`."""
         url = f"ws{self.client.url.removeprefix('http')}{self.path}/stream"

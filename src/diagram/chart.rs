@@ -10,7 +10,7 @@ use plotters::element::{Circle, PathElement, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, IntoFont, IntoTextStyle, RGBColor, ShapeStyle, TextStyle, WHITE};
 
-use super::{ExperimentError, number};
+use super::number;
 
 /// Size of a picture, and width of the diagram without its legend, in pixels.
 const SIZE: (u32, u32) = (800, 460);
@@ -30,32 +30,51 @@ const DOT: u32 = 3 * SCALE;
 const TEXT: RGBColor = RGBColor(40, 40, 40);
 const MESH: RGBColor = RGBColor(225, 225, 225);
 
+/// Why a diagram can't be drawn.
+#[derive(Debug, thiserror::Error)]
+#[error("'{title}' can't be drawn: {why}")]
+pub struct ChartError {
+    /// The diagram's title.
+    pub title: String,
+    /// The drawing's own message.
+    pub why: String,
+}
+
 /// A diagram.
 #[derive(Clone, Debug)]
-pub(super) struct Chart {
+pub struct Chart {
+    /// Stands above it.
     pub title: String,
+    /// To the right.
     pub x: Axis,
+    /// Upwards, or downwards.
     pub y: Axis,
     /// Behind everything else.
     pub bands: Vec<Band>,
+    /// Above the bands.
     pub lines: Vec<Line>,
+    /// Above everything else.
     pub dots: Vec<Dots>,
 }
 
 /// An axis.
 #[derive(Clone, Debug)]
-pub(super) struct Axis {
+pub struct Axis {
     /// Quantity and unit.
     pub label: &'static str,
+    /// Its first value.
     pub from: f64,
+    /// Its last value, greater than the first.
     pub to: f64,
     /// Whether values grow downwards.
     pub down: bool,
 }
 
 impl Axis {
-    /// An axis upwards or to the right.
+    /// An axis upwards or to the right. Where there is nothing between its ends it is 1 long.
     pub fn new(label: &'static str, from: f64, to: f64) -> Axis {
+        let from = if from.is_finite() { from } else { 0.0 };
+        let to = if to.is_finite() && to > from { to } else { from + 1.0 };
         Axis { label, from, to, down: false }
     }
 
@@ -80,36 +99,51 @@ impl Axis {
 
 /// A line through points.
 #[derive(Clone, Debug)]
-pub(super) struct Line {
+pub struct Line {
+    /// Its name in the legend.
     pub label: String,
+    /// Its colour.
     pub colour: RGBColor,
+    /// How it looks.
     pub weight: Weight,
+    /// What it goes through.
     pub points: Vec<(f64, f64)>,
 }
 
 /// How a line looks: a thin line on a broad one shows that the two are alike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Weight {
+pub enum Weight {
+    /// For references.
     Thin,
+    /// For most.
     Usual,
+    /// For what lies below another line.
     Broad,
 }
 
 /// A cloud of points.
 #[derive(Clone, Debug)]
-pub(super) struct Dots {
+pub struct Dots {
+    /// Its name in the legend.
     pub label: String,
+    /// Its colour.
     pub colour: RGBColor,
+    /// Whether dots are more than circles.
     pub filled: bool,
+    /// The middles of the dots.
     pub points: Vec<(f64, f64)>,
 }
 
 /// A horizontal band.
 #[derive(Clone, Debug)]
-pub(super) struct Band {
+pub struct Band {
+    /// Its name in the legend.
     pub label: String,
+    /// Its colour.
     pub colour: RGBColor,
+    /// Where it begins on the vertical axis.
     pub from: f64,
+    /// Where it ends there.
     pub to: f64,
 }
 
@@ -133,27 +167,33 @@ impl Dots {
     }
 }
 
-impl Chart {
-    /// The picture.
-    ///
-    /// # Errors
-    /// [`ExperimentError::Figure`].
-    pub fn draw(&self) -> Result<String, ExperimentError> {
-        let mut svg = String::new();
-        self.draw_into(&mut svg).map_err(|error| ExperimentError::Figure {
-            figure: self.title.clone(),
-            why: error.to_string(),
-        })?;
-        let [drawn, shown] = [SCALE, 1]
-            .map(|scale| format!("width=\"{}\" height=\"{}\"", SIZE.0 * scale, SIZE.1 * scale));
-        Ok(svg.replacen(&drawn, &shown, 1))
-    }
-
-    fn draw_into(&self, svg: &mut String) -> Drawn<()> {
+/// Draws diagrams below each other in one picture.
+///
+/// # Errors
+/// [`ChartError`] for the first one that can't be drawn.
+pub fn draw(charts: &[Chart]) -> Result<String, ChartError> {
+    let rows = charts.len().max(1);
+    let (width, height) = (SIZE.0, SIZE.1 * rows as u32);
+    let mut svg = String::new();
+    {
         let root =
-            SVGBackend::with_string(svg, (SIZE.0 * SCALE, SIZE.1 * SCALE)).into_drawing_area();
+            SVGBackend::with_string(&mut svg, (width * SCALE, height * SCALE)).into_drawing_area();
+        for (chart, area) in charts.iter().zip(root.split_evenly((rows, 1))) {
+            chart.draw_into(&area).map_err(|error| ChartError {
+                title: chart.title.clone(),
+                why: error.to_string(),
+            })?;
+        }
+    }
+    let [drawn, shown] = [SCALE, 1]
+        .map(|scale| format!("width=\"{}\" height=\"{}\"", width * scale, height * scale));
+    Ok(svg.replacen(&drawn, &shown, 1))
+}
+
+impl Chart {
+    fn draw_into(&self, root: &Area<'_>) -> Drawn<()> {
         root.fill(&WHITE)?;
-        let body = root.margin(6 * SCALE, 0, 0, 0).titled(&self.title, text(19, &root))?;
+        let body = root.margin(6 * SCALE, 0, 0, 0).titled(&self.title, text(19, root))?;
         let (diagram, legend) = body.split_horizontally(DIAGRAM * SCALE);
         let (x, y) = (self.x.range(), self.y.range());
         let mut plane = ChartBuilder::on(&diagram)
@@ -169,16 +209,15 @@ impl Chart {
             .y_labels(9)
             .x_label_formatter(&|&place| self.x.number(place))
             .y_label_formatter(&|&place| self.y.number(place))
-            .label_style(text(15, &root))
-            .axis_desc_style(text(16, &root))
+            .label_style(text(15, root))
+            .axis_desc_style(text(16, root))
             .axis_style(TEXT.stroke_width(SCALE))
             .bold_line_style(MESH.stroke_width(SCALE))
             .set_all_tick_mark_size(5 * SCALE)
             .max_light_lines(0)
             .draw()?;
         self.draw_content(&mut plane)?;
-        self.draw_legend(&legend)?;
-        root.present()
+        self.draw_legend(&legend)
     }
 
     fn draw_content(&self, plane: &mut Plane<'_, '_>) -> Drawn<()> {

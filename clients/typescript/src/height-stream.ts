@@ -1,28 +1,65 @@
-// Decoder of the binary messages of Firn's height stream, sub-protocol `firn.v1.bin`.
-// api/height-stream.md describes the bytes. No dependencies. Types: height-stream.d.ts.
+// Decoder of the binary messages of the height stream, sub-protocol `firn.v1.bin`; api/height-stream.md describes the bytes.
+
+import type { Collider } from "./types.ts";
 
 /** What is wrong with a message, and at which byte. */
 export class DecodeError extends Error {
-  constructor(at, what) {
+  readonly at: number;
+
+  constructor(at: number, what: string) {
     super(`byte ${at}: ${what}`);
     this.name = "DecodeError";
     this.at = at;
   }
 }
 
+/** Heights of a tile; tiles of one run share their `heights`: copy before you change them. */
+export interface Tile {
+  /** First column along x. */
+  column_x: number;
+  /** First column along z. */
+  column_z: number;
+  /** Samples along x, 1 to 8. */
+  width: number;
+  /** Samples along z, 1 to 8. */
+  depth: number;
+  /** Snow depths in quanta, row by row: index = z · width + x. */
+  heights: Uint32Array;
+}
+
+/** A message of heights, or a part of one. */
+export interface HeightMessage {
+  op: "snapshot" | "delta";
+  /** The subscription. */
+  id: number;
+  seq: number;
+  tick: number;
+  /** Whether you got exactly what you had missed; told in the first answer after `resume` only. */
+  recovered: boolean | null;
+  /** Whether further parts of this message follow. */
+  more: boolean;
+  /** Every how many columns one is told. */
+  stride: number;
+  tiles: Tile[];
+  /** All colliders in the region where they are told; they replace those told before. */
+  colliders: Collider[] | null;
+}
+
 const SIDE = 8;
 
 class Reader {
-  constructor(bytes) {
+  readonly bytes: Uint8Array;
+  at = 0;
+
+  constructor(bytes: Uint8Array) {
     this.bytes = bytes;
-    this.at = 0;
   }
 
-  wrong(what) {
+  wrong(what: string): DecodeError {
     return new DecodeError(Math.max(this.at - 1, 0), what);
   }
 
-  take(count) {
+  take(count: number): Uint8Array {
     const end = this.at + count;
     if (end > this.bytes.length) throw new DecodeError(this.bytes.length, "the message ends too early");
     const taken = this.bytes.subarray(this.at, end);
@@ -30,11 +67,11 @@ class Reader {
     return taken;
   }
 
-  byte() {
+  byte(): number {
     return this.take(1)[0];
   }
 
-  big() {
+  big(): bigint {
     let value = 0n;
     for (let shift = 0n; shift < 64n; shift += 7n) {
       const byte = this.byte();
@@ -46,27 +83,29 @@ class Reader {
   }
 
   /** A number that counts something: exact up to 2^53. */
-  number() {
+  number(): number {
     const value = this.big();
     if (value > BigInt(Number.MAX_SAFE_INTEGER)) throw this.wrong("a number has more than 53 bits");
     return Number(value);
   }
 
-  u32() {
+  u32(): number {
     const value = this.big();
     if (value > 0xffffffffn) throw this.wrong("a number has more than 32 bits");
     return Number(value);
   }
 }
 
-function readHead(reader) {
+type Head = Omit<HeightMessage, "tiles" | "colliders">;
+
+function readHead(reader: Reader): { head: Head; tilesX: number; tellsColliders: boolean } {
   const kind = reader.byte();
   if (kind !== 1 && kind !== 2) throw reader.wrong("neither 1, a snapshot, nor 2, a delta");
   const flags = reader.byte();
   if ((flags & 0xc0) !== 0 || (flags & 6) === 4) throw reader.wrong("these flags have no meaning");
   const code = reader.big();
   const id = Number((code >> 1n) ^ -(code & 1n));
-  const head = {
+  const head: Head = {
     op: kind === 1 ? "snapshot" : "delta",
     id,
     seq: reader.number(),
@@ -80,7 +119,7 @@ function readHead(reader) {
   return { head, tilesX, tellsColliders: (flags & 8) !== 0 };
 }
 
-function readRow(reader, heights, begin, width, base) {
+function readRow(reader: Reader, heights: Uint32Array, begin: number, width: number, base: number): void {
   const code = reader.byte();
   const bits = (code & 31) === 31 ? 32 : code & 31;
   const predictor = (code >> 5) & 3;
@@ -91,7 +130,7 @@ function readRow(reader, heights, begin, width, base) {
   let count = 0;
   for (let x = 0; x < width; x++) count += (there >> x) & 1;
   const bytes = reader.take(Math.ceil((count * bits) / 8));
-  const above = (x) => (begin === 0 ? base : heights[begin - width + x]);
+  const above = (x: number) => (begin === 0 ? base : heights[begin - width + x]);
   let bit = 0;
   for (let x = 0; x < width; x++) {
     let residual = 0;
@@ -107,7 +146,9 @@ function readRow(reader, heights, begin, width, base) {
   }
 }
 
-function readTile(reader, stride) {
+type Samples = Pick<Tile, "width" | "depth" | "heights">;
+
+function readTile(reader: Reader, stride: number): Samples {
   const flags = reader.byte();
   if ((flags & ~3) !== 0) throw reader.wrong("these flags of a tile have no meaning");
   let width = SIDE / stride;
@@ -131,12 +172,12 @@ function readTile(reader, stride) {
   return { width, depth, heights };
 }
 
-/** Reads a message; heights are in quanta of the subscription. Throws DecodeError. */
-export function decode(data) {
+/** Reads a message; heights are in quanta of the subscription. Throws a DecodeError on anything else. */
+export function decode(data: Uint8Array | ArrayBuffer): HeightMessage {
   const reader = new Reader(data instanceof Uint8Array ? data : new Uint8Array(data));
   const { head, tilesX, tellsColliders } = readHead(reader);
-  const tiles = [];
-  const put = (place, tile) =>
+  const tiles: Tile[] = [];
+  const put = (place: number, tile: Samples) =>
     tiles.push({ column_x: (place % tilesX) * SIDE, column_z: Math.floor(place / tilesX) * SIDE, ...tile });
   let place = 0;
   for (let left = reader.number(); left > 0; left--) {
@@ -155,7 +196,7 @@ export function decode(data) {
   }
   const rest = reader.take(reader.bytes.length - reader.at);
   if (!tellsColliders && rest.length > 0) throw reader.wrong("there are bytes after the last tile");
-  let colliders = null;
+  let colliders: Collider[] | null = null;
   if (tellsColliders) {
     try {
       colliders = JSON.parse(new TextDecoder("utf-8", { fatal: true }).decode(rest));

@@ -1,14 +1,14 @@
-// The decoder against the published test vectors: node --test clients/typescript/test/
+// The decoder against the published test vectors.
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { DecodeError, decode } from "../src/height-stream.js";
+import { DecodeError, decode } from "../src/height-stream.ts";
 
 const path = new URL("../../../api/height-stream-vectors.json", import.meta.url);
 const vectors = JSON.parse(readFileSync(path, "utf8"));
-const bytes = (hex) => Uint8Array.from(Buffer.from(hex.replace(/\s/g, ""), "hex"));
+const bytes = (hex: string) => Uint8Array.from(Buffer.from(hex.replace(/\s/g, ""), "hex"));
 
 for (const { name, hex, message } of vectors.messages) {
   test(name, () => {
@@ -26,7 +26,7 @@ for (const { name, hex } of vectors.wrong) {
 
 test("damaged messages are taken or refused, and nothing else", () => {
   let state = 1;
-  const random = (below) => {
+  const random = (below: number) => {
     state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
     return Math.floor((state / 2 ** 32) * below);
   };
@@ -37,7 +37,7 @@ test("damaged messages are taken or refused, and nothing else", () => {
       try {
         decode(damaged.subarray(0, random(damaged.length + 1)));
       } catch (error) {
-        assert(error instanceof DecodeError, error);
+        assert(error instanceof DecodeError, String(error));
       }
     }
   }
