@@ -177,7 +177,7 @@ class Session:
         return list(self._call("POST", "/probes", json={"probes": list(probes)})["probes"])
 
     def render(self, **query: Any) -> bytes:
-        """A picture as PNG: `view` grid, surface or section, `field`, `position`, `width`, `height`, `yaw`, `pitch`."""
+        """A picture as PNG, as `GET …/render.png` takes its options: `view="surface"`, `field="density"`, `width=800`."""
         return self.client.request("GET", f"{self.path}/render.png", params=query).content
 
     def profile(self, column_x: int, column_z: int) -> str:
