@@ -22,13 +22,17 @@ RUN apt-get update \
     && apt-get install --yes --no-install-recommends \
         curl libglvnd0 libvulkan1 libxext6 mesa-vulkan-drivers \
     && rm -rf /var/lib/apt/lists/* \
-    && useradd --uid 10001 --no-create-home --home-dir /nonexistent --shell /usr/sbin/nologin firn
+    && useradd --uid 10001 --no-create-home --home-dir /nonexistent --shell /usr/sbin/nologin firn \
+    && install --directory --owner firn /var/lib/firn
 COPY --from=build /usr/local/bin/firn /usr/local/bin/firn
 
 # The toolkit's default leaves Vulkan ("graphics") out.
 ENV NVIDIA_DRIVER_CAPABILITIES=compute,graphics,utility
 # A container has to listen on every address; only what its owner publishes can be reached, hence "allow open".
 ENV FIRN_LISTEN=0.0.0.0:8080 FIRN_ALLOW_OPEN=true
+# Sessions are kept here; without a volume they go with the container.
+ENV FIRN_DATA_DIR=/var/lib/firn
+VOLUME /var/lib/firn
 # Mesa's device chooser looks for a display and complains that there is none; Firn chooses by itself.
 ENV NODEVICE_SELECT=1
 USER 10001

@@ -8,7 +8,8 @@ ARGS ?=
 export NODEVICE_SELECT := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help serve test fuzz-api deny viewer test-viewer driver build fmt lint openapi clean
+.PHONY: help serve test fuzz-api deny viewer test-viewer test-python test-unity driver build fmt lint lint-api openapi \
+	configuration clean
 
 help: ## list these commands
 	@awk -F ':.* ## ' '/^[a-z-]+:.* ## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -73,6 +74,23 @@ openapi: ## write api/openapi.json anew from the handlers
 	$(CARGO) run --release --locked -- openapi > target/openapi.json
 	mv target/openapi.json api/openapi.json
 
+configuration: ## write the table of options in docs/operations.md anew
+	$(CARGO) run --release --locked -- configuration > target/configuration.md
+	sed -i -e '/<!-- configuration -->/,/<!-- end -->/{//!d}' -e '/<!-- configuration -->/r target/configuration.md' \
+		docs/operations.md
+
+test-python: ## test the Python client and the stream's published contract against the server
+	$(CARGO) build --locked
+	scripts/test-python
+
+test-unity: ## test the client for Unity, compiled by Mono
+	$(CARGO) build --locked
+	scripts/test-unity
+
+lint-api: ## check api/openapi.json and api/asyncapi.yaml with the linters of their formats
+	scripts/lint-api
+
 clean: ## remove everything that was built
 	$(CARGO) clean
-	rm -rf .node viewer/dist viewer/node_modules viewer/screenshots clients/typescript/dist clients/typescript/node_modules
+	rm -rf .node viewer/dist viewer/node_modules viewer/screenshots clients/typescript/dist clients/typescript/node_modules \
+		api/lint/node_modules

@@ -2,6 +2,8 @@
 
 mod support;
 
+use std::time::{Duration, Instant};
+
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
 use support::{Options, Server, numbers, small};
@@ -15,6 +17,7 @@ on_each_backend!(
     settings_change_and_others_stay,
     a_session_is_stepped_by_ticks_and_by_seconds,
     a_session_is_stepped_until_it_has_settled,
+    a_pause_takes_no_ticks,
     a_step_can_be_refused,
     an_abandoned_step_ends_early,
     a_reset_leads_back_to_the_beginning,
@@ -22,6 +25,18 @@ on_each_backend!(
     full_device_memory_refuses_and_nothing_more,
     a_session_that_fails_is_ended_alone,
 );
+
+async fn a_pause_takes_no_ticks(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = server.create(small()).await;
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let running = Instant::now();
+    let on = server.patch(&session, json!({"paused": false})).await.expect(200);
+    let ticks = on["tick"].as_u64().unwrap() as f64;
+    let most = running.elapsed().as_secs_f64() * 60.0 + 1.0;
+    assert!(ticks <= most, "{ticks} ticks, of which at most {most:.0} fell after the pause");
+    server.stop().await;
+}
 
 async fn a_session_is_created_read_and_deleted(backend: BackendChoice) {
     let server = Server::start(backend).await;

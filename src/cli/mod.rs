@@ -1,5 +1,6 @@
 //! The command line: one file per subcommand.
 
+pub mod configuration;
 mod demo;
 mod experiment;
 mod load;
@@ -45,6 +46,9 @@ enum Command {
     Load(load::Options),
     /// Print the OpenAPI document of the REST interface
     Openapi,
+    /// Print the options of `serve` as a Markdown table, for docs/operations.md
+    #[command(hide = true)]
+    Configuration,
 }
 
 /// Why a command did not succeed.
@@ -63,6 +67,7 @@ pub fn run() -> ExitCode {
         Command::Experiment(options) => experiment::run(&options),
         Command::Load(options) => load::run(&options),
         Command::Openapi => openapi::run(),
+        Command::Configuration => configuration::run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

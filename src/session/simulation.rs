@@ -213,9 +213,12 @@ impl Simulation {
         self.step.is_some() || self.owed > 0 || self.next.are_urgent()
     }
 
-    /// Lets the ticks up to a frame pass, where nothing moves in them.
+    /// Lets the time up to a frame pass, where nothing happens in it: a pause has no ticks, and in
+    /// the ticks of a session at rest nothing moves.
     pub(super) fn catch_up(&mut self, frame: u64) {
-        if !self.settings.paused && self.is_resting() {
+        if self.settings.paused {
+            self.frame = frame;
+        } else if self.is_resting() {
             self.clock.pass(self.clock.ticks_between(self.frame, frame));
             self.frame = frame;
         }
