@@ -1,5 +1,6 @@
 //! The command line: one file per subcommand.
 
+mod bench;
 mod demo;
 mod experiment;
 mod load;
@@ -43,6 +44,12 @@ enum Command {
     /// deletes the sessions again, on Ctrl-C too. See below for what the figures mean.
     #[command(after_help = load::NOTES)]
     Load(load::Options),
+    /// Measure what snow costs on this machine's device
+    ///
+    /// Runs the engine that serves snowpacks, and beside it the layout of the thesis that the model
+    /// comes from. See below for what the figures mean.
+    #[command(after_help = bench::NOTES)]
+    Bench(bench::Options),
     /// Print the OpenAPI document of the REST interface
     Openapi,
 }
@@ -62,6 +69,7 @@ pub fn run() -> ExitCode {
         Command::Serve(options) => serve::run(&options),
         Command::Experiment(options) => experiment::run(&options),
         Command::Load(options) => load::run(&options),
+        Command::Bench(options) => bench::run(&options),
         Command::Openapi => openapi::run(),
     };
     match result {

@@ -11,8 +11,8 @@ mod slots;
 
 use std::collections::{HashMap, HashSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
@@ -66,6 +66,7 @@ impl World {
             healthy: AtomicBool::new(true),
             memory: AtomicU64::new(backend.memory()),
             slipped_us: AtomicU64::new(0),
+            frame_times: Mutex::default(),
         });
         let sessions = Sessions::new(
             names.clone(),

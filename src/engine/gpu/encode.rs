@@ -14,6 +14,9 @@ use super::resident::{self, Resident};
 impl GpuBackend {
     /// Carries a frame out and begins to read back what came of it.
     pub(super) fn carry_out(&mut self, mut frame: Frame) {
+        if let Some(profile) = &mut self.profile {
+            profile.reset();
+        }
         frame.work.retain(|work| self.residents.contains_key(&work.slot));
         let edits: Vec<u32> = frame.work.iter().map(|work| work.edits.len() as u32).collect();
         let mut rounds = take_rounds(&mut frame.work);
@@ -48,6 +51,9 @@ impl GpuBackend {
 
         let copies = Copies::new(&frame.work, &edits, &self.residents, &self.tables, tiles);
         self.readback.copy(&self.device, &mut encoder, &self.tables, copies);
+        if let Some(profile) = &self.profile {
+            profile.finish(&mut encoder);
+        }
         let submission = self.device.queue.submit([encoder.finish()]);
         self.readback.begin(submission);
     }
@@ -82,21 +88,40 @@ impl GpuBackend {
         if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
             self.tables.clear_schedule(encoder, &self.arena);
         }
-        let mut pass = encoder.begin_compute_pass(&Default::default());
+        match &mut self.profile {
+            None => {
+                let mut pass = encoder.begin_compute_pass(&Default::default());
+                dispatches.iter().for_each(|dispatch| self.dispatch(&mut pass, dispatch));
+            }
+            Some(_) => self.encode_timed(encoder, dispatches),
+        }
+    }
+
+    /// Encodes dispatches one by one, with a stamp before each and after the last.
+    fn encode_timed(&mut self, encoder: &mut wgpu::CommandEncoder, dispatches: &[Dispatch]) {
+        let Some(mut profile) = self.profile.take() else { return };
         for dispatch in dispatches {
-            let offset = dispatch.pass * super::tables::PASS_STRIDE;
-            let binding = self.tables.binding(dispatch.kernel, dispatch.page);
-            pass.set_pipeline(&self.pipelines[dispatch.kernel as usize].pipeline);
-            pass.set_bind_group(0, binding, &[offset]);
-            match dispatch.groups {
-                Some(groups) => {
-                    let (x, y) = self.device.groups(groups);
-                    pass.dispatch_workgroups(x, y, 1);
-                }
-                None => {
-                    let arguments = self.tables.arguments.buffer();
-                    pass.dispatch_workgroups_indirect(arguments, u64::from(dispatch.page) * 12);
-                }
+            profile.stamp(encoder, Some(dispatch.kernel));
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            self.dispatch(&mut pass, dispatch);
+        }
+        profile.stamp(encoder, None);
+        self.profile = Some(profile);
+    }
+
+    fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>, dispatch: &Dispatch) {
+        let offset = dispatch.pass * super::tables::PASS_STRIDE;
+        let binding = self.tables.binding(dispatch.kernel, dispatch.page);
+        pass.set_pipeline(&self.pipelines[dispatch.kernel as usize].pipeline);
+        pass.set_bind_group(0, binding, &[offset]);
+        match dispatch.groups {
+            Some(groups) => {
+                let (x, y) = self.device.groups(groups);
+                pass.dispatch_workgroups(x, y, 1);
+            }
+            None => {
+                let arguments = self.tables.arguments.buffer();
+                pass.dispatch_workgroups_indirect(arguments, u64::from(dispatch.page) * 12);
             }
         }
     }

@@ -2,14 +2,16 @@
 
 mod arena;
 mod buffer;
-mod device;
+pub mod device;
 mod encode;
 pub mod kernels;
 pub mod layout;
 mod plan;
+mod profile;
 mod ranges;
 mod readback;
 mod resident;
+pub mod stopwatch;
 mod tables;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -18,7 +20,8 @@ use std::time::{Duration, Instant};
 use super::frame::{Backend, DeviceInfo, EngineError, Frame, Layout, Outcome, Slot};
 use arena::Arena;
 use device::Device;
-use kernels::{KERNELS, Pipeline};
+use kernels::{KERNELS, KernelId, Pipeline};
+use profile::Profile;
 use readback::Readback;
 use resident::Resident;
 use tables::Tables;
@@ -34,6 +37,7 @@ pub struct GpuBackend {
     readback: Readback,
     outcomes: VecDeque<Outcome>,
     always_awake: bool,
+    profile: Option<Profile>,
 }
 
 impl GpuBackend {
@@ -60,7 +64,24 @@ impl GpuBackend {
             readback,
             outcomes: VecDeque::new(),
             always_awake,
+            profile: None,
         })
+    }
+
+    /// Takes the time of every kernel from now on, which makes frames a little slower. Returns
+    /// whether the adapter can.
+    pub fn take_times(&mut self) -> bool {
+        self.profile = Profile::new(&self.device);
+        self.profile.is_some()
+    }
+
+    /// The kernels of the newest frame in their order, each with the time it took on the device,
+    /// where times are taken. The frame's outcome has to be polled before.
+    ///
+    /// # Errors
+    /// [`EngineError::DeviceFailed`].
+    pub fn kernel_times(&self) -> Result<Vec<(KernelId, Duration)>, EngineError> {
+        self.profile.as_ref().map_or(Ok(Vec::new()), |profile| profile.kernels(&self.device))
     }
 
     /// Fills all memory that no snowpack owns with rubbish, to show that none is ever read.

@@ -16,7 +16,7 @@ use crate::session::gather::MOST_SAMPLES;
 use crate::session::message::Message;
 use crate::session::registry::Names;
 use crate::session::simulation::Simulation;
-use crate::session::vitals::Vitals;
+use crate::session::vitals::{FrameTime, Vitals};
 
 use super::slots::Slots;
 use super::{INBOX, WorldConfig};
@@ -55,9 +55,13 @@ impl Engine {
             if !self.take_messages() {
                 return Ok(());
             }
+            let (begun, beat) = (Instant::now(), self.frame);
             let publish = self.beat();
             self.delete_forsaken();
-            self.carry_out_frame(publish)?;
+            let frame = self.carry_out_frame(publish)?;
+            if frame.sessions > 0 || self.frame > beat {
+                self.vitals.note(FrameTime { took: begun.elapsed(), ..frame });
+            }
         }
     }
 
@@ -142,7 +146,8 @@ impl Engine {
     }
 
     /// Submits one frame for everybody who has something to do, and concludes it.
-    fn carry_out_frame(&mut self, publish: bool) -> Result<(), EngineError> {
+    /// Says what was in it.
+    fn carry_out_frame(&mut self, publish: bool) -> Result<FrameTime, EngineError> {
         let (number, sleep) = (self.frame, self.config.sleep);
         let mut frame = Frame::default();
         let mut keys = Vec::new();
@@ -159,7 +164,7 @@ impl Engine {
             }
         }
         if keys.is_empty() {
-            return Ok(());
+            return Ok(FrameTime::default());
         }
         let begun = Instant::now();
         self.backend.submit(frame)?;
@@ -169,8 +174,14 @@ impl Engine {
             }
         };
         let took = begun.elapsed();
+        let frame = FrameTime {
+            sessions: keys.len() as u32,
+            published_tiles: outcome.tiles.len() as u32,
+            backend: took,
+            ..FrameTime::default()
+        };
         self.conclude(&keys, outcome, took);
-        Ok(())
+        Ok(frame)
     }
 
     fn conclude(&mut self, keys: &[u64], mut outcome: Outcome, took: Duration) {
