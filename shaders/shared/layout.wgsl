@@ -146,6 +146,13 @@ struct OperationResult {
     high: atomic<u32>,
 }
 
+// Which tiles of 64 neighbours are packed for publication, and where the first of them is.
+struct PackedGroup {
+    changed_low: u32,
+    changed_high: u32,
+    first: u32,
+}
+
 // A box of the fixed grid that is asked for.
 struct SampleJob {
     session: u32,

@@ -2,6 +2,9 @@
 
 use bytemuck::Pod;
 
+/// Bytes of mail that travel together.
+const MAIL_BYTES: u64 = 1 << 18;
+
 /// Smallest buffer that is made, so that none is empty.
 const SMALLEST: u64 = 256;
 
@@ -48,6 +51,11 @@ impl Table {
         true
     }
 
+    /// Takes another buffer of the same size; whoever holds the old one keeps it.
+    pub fn replace(&mut self, device: &wgpu::Device) {
+        self.buffer = make(device, self.label, self.usage, self.size());
+    }
+
     /// A buffer of another size for the same, still without contents.
     pub fn another(&self, device: &wgpu::Device, size: u64) -> wgpu::Buffer {
         make(device, self.label, self.usage, size)
@@ -82,6 +90,37 @@ fn make(
     })
 }
 
+/// Carries what the host has to say to the device, through memory that is used again and again.
+#[derive(Debug)]
+pub struct Mail {
+    belt: wgpu::util::StagingBelt,
+}
+
+impl Mail {
+    /// Nothing to say yet.
+    pub fn new(device: &wgpu::Device) -> Mail {
+        Mail { belt: wgpu::util::StagingBelt::new(device.clone(), MAIL_BYTES) }
+    }
+
+    /// Writes bytes, a multiple of 4 of them, between the commands before and after.
+    pub fn write(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        target: &wgpu::Buffer,
+        offset: u64,
+        bytes: &[u8],
+    ) {
+        if let Some(size) = wgpu::BufferSize::new(bytes.len() as u64) {
+            self.belt.write_buffer(encoder, target, offset, size).copy_from_slice(bytes);
+        }
+    }
+
+    /// Ends the writes of a submit; its memory comes back when the device has read it.
+    pub fn finish(&mut self, encoder: &wgpu::CommandEncoder) {
+        self.belt.finish_and_recall_on_submit(encoder);
+    }
+}
+
 /// Rows written by the host anew for every submit.
 #[derive(Debug)]
 pub struct Upload<T> {
@@ -113,15 +152,17 @@ impl<T: Pod> Upload<T> {
         self.rows.len() as u32
     }
 
-    /// Writes the rows to the device, ahead of the submit, and forgets them. Returns whether the
-    /// buffer was replaced.
-    pub fn flush(&mut self, device: &wgpu::Device, queue: &wgpu::Queue) -> bool {
-        if self.rows.is_empty() {
-            return false;
-        }
+    /// Encodes the rows' way to the device, and forgets them. Returns whether the buffer was
+    /// replaced.
+    pub fn flush(
+        &mut self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        mail: &mut Mail,
+    ) -> bool {
         let bytes = bytemuck::cast_slice(&self.rows);
         let grew = self.table.reserve(device, bytes.len() as u64);
-        queue.write_buffer(self.table.buffer(), 0, bytes);
+        mail.write(encoder, self.table.buffer(), 0, bytes);
         self.rows.clear();
         grew
     }

@@ -136,6 +136,12 @@ impl Device {
         limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
     }
 
+    /// Whether frames are short enough to be waited for without going to sleep: a device of its
+    /// own leaves the host's processors alone meanwhile.
+    pub fn is_quick(&self) -> bool {
+        !matches!(self.adapter.device_type, wgpu::DeviceType::Cpu | wgpu::DeviceType::Other)
+    }
+
     /// Workgroups along x and y for a number of them in all.
     pub fn groups(&self, count: u32) -> (u32, u32) {
         let most = self.device.limits().max_compute_workgroups_per_dimension;

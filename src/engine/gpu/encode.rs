@@ -1,7 +1,8 @@
 //! A frame, turned into submits: one for each round of edits, the last of which also runs the
 //! cycles and copies out what is reported.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
+use std::ops::Range;
 
 use crate::engine::frame::{Edit, Frame, SampleBox, Slot, Work};
 
@@ -9,7 +10,7 @@ use super::GpuBackend;
 use super::kernels::KernelId;
 use super::plan::{Dispatch, Planner, Round};
 use super::readback::Copies;
-use super::resident::{self, Resident};
+use super::resident::{self, Residents};
 
 impl GpuBackend {
     /// Carries a frame out and begins to read back what came of it.
@@ -17,22 +18,24 @@ impl GpuBackend {
         if let Some(profile) = &mut self.profile {
             profile.reset();
         }
-        frame.work.retain(|work| self.residents.contains_key(&work.slot));
+        frame.work.retain(|work| self.residents.get(work.slot).is_some());
         let edits: Vec<u32> = frame.work.iter().map(|work| work.edits.len() as u32).collect();
         let mut rounds = take_rounds(&mut frame.work);
         let last = rounds.pop().unwrap_or_default();
 
-        let tiles = self.publishable_tiles(&frame.work);
+        let (tiles, groups) = self.publishable(&frame.work);
         self.tables.fit_to(&self.device, &self.arena);
         let total = edits.iter().map(|&count| u64::from(count)).sum();
         let samples = frame.work.iter().flat_map(|work| &work.samples).map(SampleBox::cells).sum();
-        let mut encoder = self.tables.begin_frame(&self.device, total, tiles, samples);
+        let mut encoder =
+            self.tables.begin_frame(&self.device, total, tiles, groups.len() as u64, samples);
         let mut evaluated = BTreeSet::new();
         for round in rounds {
             let (mut planner, residents) = self.planner(&mut evaluated);
             planner.edits(residents, round);
             let dispatches = planner.dispatches;
             self.encode(&mut encoder, &dispatches);
+            self.tables.mail.finish(&encoder);
             self.device.queue.submit([encoder.finish()]);
             encoder = self.device.device.create_command_encoder(&Default::default());
         }
@@ -44,16 +47,17 @@ impl GpuBackend {
         let (mut planner, residents) = self.planner(&mut evaluated);
         planner.edits(residents, last);
         planner.runs(residents, &frame.work, tile_end, &pages, always_awake);
-        planner.reports(residents, &frame.work, tile_end);
+        planner.reports(residents, &frame.work, &groups);
         planner.samples(residents, &frame.work);
         let dispatches = planner.dispatches;
         self.encode(&mut encoder, &dispatches);
 
-        let copies = Copies::new(&frame.work, &edits, &self.residents, &self.tables, tiles);
+        let copies = Copies::new(&frame.work, &edits, &self.residents, &self.tables, tiles, groups);
         self.readback.copy(&self.device, &mut encoder, &self.tables, copies);
         if let Some(profile) = &self.profile {
             profile.finish(&mut encoder);
         }
+        self.tables.mail.finish(&encoder);
         let submission = self.device.queue.submit([encoder.finish()]);
         self.readback.begin(submission);
     }
@@ -61,7 +65,7 @@ impl GpuBackend {
     fn planner<'a>(
         &'a mut self,
         evaluated: &'a mut BTreeSet<Slot>,
-    ) -> (Planner<'a>, &'a mut BTreeMap<Slot, Resident>) {
+    ) -> (Planner<'a>, &'a mut Residents) {
         let planner = Planner {
             device: &self.device,
             arena: &self.arena,
@@ -72,15 +76,24 @@ impl GpuBackend {
         (planner, &mut self.residents)
     }
 
-    /// Most tiles that a frame can publish.
-    fn publishable_tiles(&self, work: &[Work]) -> u64 {
+    /// Most tiles that a frame can publish, and the groups of 64 that they are among.
+    fn publishable(&self, work: &[Work]) -> (u64, Range<u32>) {
         let published = work.iter().filter(|work| work.publish);
-        published.map(|work| self.residents[&work.slot].lot.places.len() as u64).sum()
+        let lots = published.filter_map(|work| self.residents.get(work.slot)).map(|r| &r.lot.tiles);
+        lots.fold((0, 0..0), |(count, groups), tiles| {
+            let own = tiles.start / 64..tiles.end.div_ceil(64);
+            let all = if groups.is_empty() {
+                own
+            } else {
+                groups.start.min(own.start)..groups.end.max(own.end)
+            };
+            (count + tiles.len() as u64, all)
+        })
     }
 
     /// Writes the rows that dispatches work on, and encodes the dispatches.
     fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, dispatches: &[Dispatch]) {
-        self.tables.flush(&self.device, &self.arena);
+        self.tables.flush(&self.device, encoder, &self.arena);
         for dispatch in dispatches {
             let (kernel, page) = (dispatch.kernel, dispatch.page);
             self.tables.bind(&self.device, &self.arena, &self.pipelines, kernel, page);

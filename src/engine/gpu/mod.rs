@@ -6,6 +6,7 @@ pub mod device;
 mod encode;
 pub mod kernels;
 pub mod layout;
+mod mapped;
 mod plan;
 mod profile;
 mod ranges;
@@ -14,7 +15,7 @@ mod resident;
 pub mod stopwatch;
 mod tables;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use super::frame::{Backend, DeviceInfo, EngineError, Frame, Layout, Outcome, Slot};
@@ -23,7 +24,7 @@ use device::Device;
 use kernels::{KERNELS, KernelId, Pipeline};
 use profile::Profile;
 use readback::Readback;
-use resident::Resident;
+use resident::{Resident, Residents};
 use tables::Tables;
 
 /// The arena and its kernels on one device.
@@ -33,7 +34,7 @@ pub struct GpuBackend {
     pipelines: Vec<Pipeline>,
     arena: Arena,
     tables: Tables,
-    residents: BTreeMap<Slot, Resident>,
+    residents: Residents,
     readback: Readback,
     outcomes: VecDeque<Outcome>,
     always_awake: bool,
@@ -60,7 +61,7 @@ impl GpuBackend {
             pipelines,
             arena,
             tables,
-            residents: BTreeMap::new(),
+            residents: Residents::default(),
             readback,
             outcomes: VecDeque::new(),
             always_awake,
@@ -104,7 +105,7 @@ impl Backend for GpuBackend {
     }
 
     fn release(&mut self, slot: Slot) {
-        if let Some(resident) = self.residents.remove(&slot) {
+        if let Some(resident) = self.residents.remove(slot) {
             self.tables.forget_bodies(resident.bodies.values());
             self.arena.give_back(&self.device, resident.lot);
             // Bindings hold the buffers of pages that were released.

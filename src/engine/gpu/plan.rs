@@ -1,6 +1,7 @@
 //! The dispatches of a submit, and the rows they work on.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::engine::frame::{Contents, Edit, Placement, Slot, Work};
@@ -12,7 +13,7 @@ use super::kernels::KernelId;
 use super::layout::{
     CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run, SampleJob, WAKE,
 };
-use super::resident::{Body, Resident};
+use super::resident::{Body, Resident, Residents};
 use super::tables::Tables;
 
 /// One dispatch of a kernel on the cells of a page, or on none.
@@ -58,11 +59,11 @@ struct Edited {
 impl Planner<'_> {
     /// Plans the edits of one round of all snowpacks: snow falls, then contacts and stresses are
     /// evaluated.
-    pub fn edits(&mut self, residents: &mut BTreeMap<Slot, Resident>, rounds: Vec<(Slot, Round)>) {
+    pub fn edits(&mut self, residents: &mut Residents, rounds: Vec<(Slot, Round)>) {
         let first_collider = self.tables.colliders.len();
         let mut edited = Edited::default();
         for (slot, round) in rounds {
-            if let Some(resident) = residents.get_mut(&slot) {
+            if let Some(resident) = residents.get_mut(slot) {
                 self.edit(slot, resident, round, &mut edited);
             }
         }
@@ -218,7 +219,7 @@ impl Planner<'_> {
     /// under objects one after another, with contacts and stresses evaluated before each.
     pub fn runs(
         &mut self,
-        residents: &BTreeMap<Slot, Resident>,
+        residents: &Residents,
         work: &[Work],
         tile_end: u32,
         pages: &[u32],
@@ -254,11 +255,11 @@ impl Planner<'_> {
         self.loaded_runs(residents, work);
     }
 
-    fn loaded_runs(&mut self, residents: &BTreeMap<Slot, Resident>, work: &[Work]) {
+    fn loaded_runs(&mut self, residents: &Residents, work: &[Work]) {
         let mut running: Vec<(u32, Slot, &Resident)> = work
             .iter()
             .filter(|work| work.run.cycles > 0)
-            .filter_map(|work| Some((work.run.cycles, work.slot, residents.get(&work.slot)?)))
+            .filter_map(|work| Some((work.run.cycles, work.slot, residents.get(work.slot)?)))
             .filter(|(_, _, resident)| !resident.bodies.is_empty())
             .collect();
         // The longest first, so that each cycle concerns the first ones of every list.
@@ -303,12 +304,11 @@ impl Planner<'_> {
     }
 
     /// Plans what is reported of the snowpacks.
-    pub fn reports(&mut self, residents: &BTreeMap<Slot, Resident>, work: &[Work], tile_end: u32) {
-        if work.iter().any(|work| work.publish) {
-            let pass = Pass { count: tile_end, ..Pass::default() };
-            self.dispatch(KernelId::Publish, 0, pass, tile_end.div_ceil(64));
-        }
-        for resident in work.iter().filter(|w| w.tally).filter_map(|w| residents.get(&w.slot)) {
+    /// `groups` are those of 64 tiles in which there are tiles that publish.
+    pub fn reports(&mut self, residents: &Residents, work: &[Work], groups: &Range<u32>) {
+        let (first, count) = (groups.start, groups.len() as u32);
+        self.dispatch(KernelId::Publish, 0, Pass { first, count, ..Pass::default() }, count);
+        for resident in work.iter().filter(|w| w.tally).filter_map(|w| residents.get(w.slot)) {
             let pages: BTreeSet<u32> = resident.lot.places.iter().map(|place| place.page).collect();
             let (first, count) = (resident.lot.tiles.start, resident.lot.places.len() as u32);
             for page in pages {
@@ -319,10 +319,10 @@ impl Planner<'_> {
     }
 
     /// Plans the boxes of the fixed grid that are asked for.
-    pub fn samples(&mut self, residents: &BTreeMap<Slot, Resident>, work: &[Work]) {
+    pub fn samples(&mut self, residents: &Residents, work: &[Work]) {
         let mut first = 0;
         for (work, wanted) in work.iter().flat_map(|w| w.samples.iter().map(move |s| (w, s))) {
-            let Some(resident) = residents.get(&work.slot) else { continue };
+            let Some(resident) = residents.get(work.slot) else { continue };
             let job = self.tables.sample_jobs.push(SampleJob {
                 session: work.slot,
                 first,
