@@ -12,6 +12,7 @@ pub mod engine;
 pub mod experiment;
 pub mod http;
 pub mod load;
+pub mod metrics;
 pub mod problem;
 pub mod session;
 pub mod snow;

@@ -40,6 +40,7 @@ fn it_lists_every_call() {
         "post /v1/sessions".to_owned(),
         "get /v1/sessions".to_owned(),
         "get /livez".to_owned(),
+        "get /metrics".to_owned(),
         "get /readyz".to_owned(),
         "get /openapi.json".to_owned(),
     ]);

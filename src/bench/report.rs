@@ -58,6 +58,8 @@ pub struct DeviceFacts {
 /// How fast a large buffer is copied.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct CopyRate {
+    /// What copied: the device's `command`, a `kernel`, or the `host`.
+    pub by: &'static str,
     /// Bytes read and written by one copy, both counted.
     pub bytes: u64,
     /// Time of one copy \[s\].
@@ -237,8 +239,9 @@ impl fmt::Display for Report {
         let copy = &device.copy;
         writeln!(
             f,
-            "copy {:.1} GB/s ({}, {} bytes moved), {} host threads, scale {}",
+            "copy {:.1} GB/s by {} ({}, {} bytes moved), {} host threads, scale {}",
             copy.bytes_per_s / 1e9,
+            copy.by,
             time(copy.time_s.median),
             copy.bytes,
             device.host_threads,
@@ -268,7 +271,7 @@ impl fmt::Display for Measured {
             if self.clock == Clock::Device { "device" } else { "wall" },
             or_none(self.floor_s.map(time)),
             or_none(self.copy_share.map(|share| format!("{:.0} %", 100.0 * share))),
-            or_none(self.cell_cycles_per_s.map(|rate| format!("{:.1}", rate / 1e9))),
+            or_none(self.cell_cycles_per_s.map(|rate| format!("{:.2}", rate / 1e9))),
             or_none(self.times_slower.map(|times| format!("{times:.0} x"))),
         )?;
         match &self.target {

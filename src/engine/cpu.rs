@@ -54,11 +54,7 @@ impl CpuBackend {
     }
 
     /// Carries out one snowpack's part of a frame.
-    fn work(
-        &mut self,
-        work: Work,
-        tiles: &mut Tiles,
-    ) -> Result<WorkOutcome, EngineError> {
+    fn work(&mut self, work: Work, tiles: &mut Tiles) -> Result<WorkOutcome, EngineError> {
         let slot = work.slot;
         let snowpack = self.snowpacks.get_mut(&slot).ok_or_else(|| {
             EngineError::DeviceFailed(format!("a frame has work for slot {slot}, which is empty"))

@@ -215,7 +215,7 @@ impl TileCells {
 }
 
 /// The device a backend runs on.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DeviceInfo {
     /// Name of the adapter, or `cpu`.
     pub adapter: String,

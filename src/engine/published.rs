@@ -77,25 +77,17 @@ impl Published {
 
     /// The changed ones among some numbers, counted from the first of these, with their heights.
     pub fn tiles(&self, numbers: Range<u32>) -> impl Iterator<Item = (u32, &TileColumns)> {
-        let heights = self.heights.heights();
-        let of_group = |index: u32| {
-            let Some(group) = index.checked_sub(self.first_group) else { return Group::default() };
-            self.groups.get(group as usize).copied().unwrap_or_default()
-        };
-        (numbers.start / GROUP..numbers.end.div_ceil(GROUP)).flat_map(move |index| {
-            let group = of_group(index);
-            let numbers = numbers.clone();
-            let inside = move |number: &u32| numbers.contains(number);
-            ones(group.changed)
-                .zip(group.first..)
-                .map(move |(bit, packed)| (index * GROUP + bit, packed))
-                .filter(move |(number, _)| inside(number))
-                .map(move |(number, packed)| (number, &heights[packed as usize]))
-        })
-        .map({
-            let first = numbers.start;
-            move |(number, heights)| (number - first, heights)
-        })
+        let (heights, first) = (self.heights.heights(), numbers.start);
+        (numbers.start / GROUP..numbers.end.div_ceil(GROUP))
+            .filter_map(|index| {
+                let own = index.checked_sub(self.first_group)?;
+                Some((index, self.groups.get(own as usize)?))
+            })
+            .flat_map(|(index, group)| {
+                ones(group.changed).map(move |bit| index * GROUP + bit).zip(group.first..)
+            })
+            .filter(move |(number, _)| numbers.contains(number))
+            .map(move |(number, packed)| (number - first, &heights[packed as usize]))
     }
 }
 

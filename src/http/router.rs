@@ -1,9 +1,10 @@
 //! Every route, and the layers around them.
 
 use std::any::Any;
+use std::time::Instant;
 
 use axum::Router;
-use axum::extract::{DefaultBodyLimit, Request, State};
+use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};
 use axum::http::{Method, Uri};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
@@ -14,13 +15,14 @@ use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use crate::metrics;
 use crate::problem::Problem;
 use crate::stream;
 
 use super::docs::Document;
 use super::handlers::{
-    air_temperature, cells, clearings, colliders, columns, health, height, heights, mass, openapi,
-    probes, sessions, snapshots, snowfalls,
+    self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
+    openapi, probes, sessions, snapshots, snowfalls,
 };
 use super::state::App;
 
@@ -60,6 +62,7 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(probes::create))
         .routes(routes!(health::livez))
         .routes(routes!(health::readyz))
+        .routes(routes!(handlers::metrics::get))
         .routes(routes!(openapi::get))
 }
 
@@ -78,7 +81,35 @@ fn dress(routes: Router<App>, app: &App) -> Router<App> {
         .method_not_allowed_fallback(unknown_method)
         .layer(DefaultBodyLimit::max(app.requests.max_body_bytes))
         .layer(CatchPanicLayer::custom(panicked))
+        .layer(middleware::from_fn_with_state(app.clone(), time))
         .layer(trace)
+}
+
+/// Counts the request, and how long its answer takes.
+async fn time(State(app): State<App>, request: Request, next: Next) -> Response {
+    let begun = Instant::now();
+    let route = request.extensions().get::<MatchedPath>();
+    let route = route.map_or(String::new(), |path| path.as_str().to_owned());
+    let method = method_name(request.method());
+    let response = next.run(request).await;
+    let status = response.status().as_u16();
+    app.metrics.requests.answered(&metrics::Request { method, route, status }, begun.elapsed());
+    response
+}
+
+/// Methods that clients make up are one, so that they can't fill the memory.
+fn method_name(method: &Method) -> &'static str {
+    const KNOWN: [Method; 7] = [
+        Method::GET,
+        Method::POST,
+        Method::PUT,
+        Method::PATCH,
+        Method::DELETE,
+        Method::HEAD,
+        Method::OPTIONS,
+    ];
+    const NAMES: [&str; 7] = ["GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"];
+    KNOWN.iter().position(|known| known == method).map_or("other", |place| NAMES[place])
 }
 
 /// The query is left out: it may hold a token.

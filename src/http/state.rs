@@ -1,13 +1,11 @@
 //! What every handler can reach.
 
-use std::sync::Arc;
-
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::config::{RequestConfig, StreamConfig};
+use crate::metrics::Metrics;
 use crate::session::Sessions;
-use crate::stream::Endings;
 
 /// State shared by all requests and streams. Clones are handles to the same.
 #[derive(Clone, Debug)]
@@ -18,8 +16,8 @@ pub struct App {
     pub requests: RequestConfig,
     /// Limits of streams.
     pub stream: StreamConfig,
-    /// How many streams have ended, and why.
-    pub endings: Arc<Endings>,
+    /// What the server counts.
+    pub metrics: Metrics,
     /// Cancelled when the server begins to stop: streams and long steps end then.
     pub draining: CancellationToken,
     /// The stream tasks that the server waits for when it stops.
@@ -30,10 +28,10 @@ impl App {
     /// The state of a server that is about to start, with the usual limits of streams.
     pub fn new(sessions: Sessions, requests: RequestConfig) -> App {
         App {
+            metrics: Metrics::new(&sessions),
             sessions,
             requests,
             stream: StreamConfig::default(),
-            endings: Arc::default(),
             draining: CancellationToken::new(),
             streams: TaskTracker::new(),
         }

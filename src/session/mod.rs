@@ -10,6 +10,7 @@ mod handle;
 mod message;
 mod mirror;
 mod orders;
+mod pace;
 mod probe;
 mod publish;
 mod registry;

@@ -26,17 +26,26 @@ pub struct FrameTime {
 }
 
 /// How the engine is doing.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Vitals {
     /// The device the snowpacks live on.
     pub device: DeviceInfo,
     pub(super) healthy: AtomicBool,
     pub(super) memory: AtomicU64,
+    pub(super) frames: AtomicU64,
+    pub(super) frame_time_us: AtomicU64,
     pub(super) slipped_us: AtomicU64,
     pub(super) frame_times: Mutex<VecDeque<FrameTime>>,
+    pub(super) overloaded: AtomicBool,
 }
 
 impl Vitals {
+    /// Of an engine that is about to start.
+    pub(super) fn new(device: DeviceInfo, memory: u64) -> Vitals {
+        let (healthy, memory) = (AtomicBool::new(true), AtomicU64::new(memory));
+        Vitals { device, healthy, memory, ..Vitals::default() }
+    }
+
     /// Whether frames are being carried out.
     pub fn is_healthy(&self) -> bool {
         self.healthy.load(Ordering::Relaxed)
@@ -61,6 +70,26 @@ impl Vitals {
             times.pop_front();
         }
         times.push_back(FrameTime { number, ..frame });
+        drop(times);
+        if frame.sessions > 0 {
+            self.frames.fetch_add(1, Ordering::Relaxed);
+            self.frame_time_us.fetch_add(frame.took.as_micros() as u64, Ordering::Relaxed);
+        }
+    }
+
+    /// Frames that were carried out.
+    pub fn frames(&self) -> u64 {
+        self.frames.load(Ordering::Relaxed)
+    }
+
+    /// Time that they took, from planning to publishing.
+    pub fn frame_time(&self) -> Duration {
+        Duration::from_micros(self.frame_time_us.load(Ordering::Relaxed))
+    }
+
+    /// Whether ticks keep slipping, so that no more sessions should be placed here.
+    pub fn is_overloaded(&self) -> bool {
+        self.overloaded.load(Ordering::Relaxed)
     }
 
     /// Time by which ticks have slipped behind the wall clock because frames were too slow.

@@ -7,12 +7,12 @@
 
 mod engine;
 mod requests;
+mod simulations;
 mod slots;
 
-use std::collections::{HashMap, HashSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
@@ -22,10 +22,12 @@ use tracing::error;
 use crate::engine::frame::Backend;
 
 use super::message::Message;
+use super::pace::Pace;
 use super::registry::{Names, Sessions};
 use super::spec::Limits;
 use super::vitals::Vitals;
 use engine::Engine;
+use simulations::Simulations;
 use slots::Slots;
 
 /// Requests that may wait for the next frame before senders have to.
@@ -61,13 +63,7 @@ impl World {
         let (send, inbox) = mpsc::channel(INBOX);
         let names = Arc::new(Names::default());
         let frames = Arc::new(AtomicU64::new(0));
-        let vitals = Arc::new(Vitals {
-            device: backend.device().clone(),
-            healthy: AtomicBool::new(true),
-            memory: AtomicU64::new(backend.memory()),
-            slipped_us: AtomicU64::new(0),
-            frame_times: Mutex::default(),
-        });
+        let vitals = Arc::new(Vitals::new(backend.device().clone(), backend.memory()));
         let sessions = Sessions::new(
             names.clone(),
             send.clone(),
@@ -89,8 +85,9 @@ impl World {
             full: false,
             next_inspection: 0,
             next_beat: Instant::now(),
-            simulations: HashMap::new(),
-            active: HashSet::new(),
+            pace: Pace::default(),
+            simulations: Simulations::default(),
+            busy: false,
             slots: Slots::default(),
         };
         let thread = std::thread::Builder::new().name("world".to_owned()).spawn(move || {

@@ -1,12 +1,10 @@
 //! Why a stream ends, and what its client is told.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use axum::extract::ws::CloseFrame;
 use tungstenite::Error as WsError;
 
 /// Why a stream ends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Cause {
     /// The client closed it.
     Done,
@@ -78,21 +76,6 @@ impl Cause {
     }
 }
 
-/// How many streams have ended, by cause.
-#[derive(Debug, Default)]
-pub struct Endings([AtomicU64; Cause::ALL.len()]);
-
-impl Endings {
-    /// Streams that ended for a cause.
-    pub fn of(&self, cause: Cause) -> u64 {
-        self.0[cause as usize].load(Ordering::Relaxed)
-    }
-
-    pub(super) fn count(&self, cause: Cause) {
-        self.0[cause as usize].fetch_add(1, Ordering::Relaxed);
-    }
-}
-
 impl From<axum::Error> for Cause {
     fn from(error: axum::Error) -> Cause {
         match error.into_inner().downcast_ref::<WsError>() {
@@ -125,16 +108,6 @@ mod tests {
         for (error, cause) in cases {
             assert_eq!(Cause::from(axum::Error::new(error)), cause);
         }
-    }
-
-    #[test]
-    fn endings_are_counted_by_cause() {
-        for (place, cause) in Cause::ALL.into_iter().enumerate() {
-            assert_eq!(cause as usize, place);
-        }
-        let endings = Endings::default();
-        endings.count(Cause::TooSlow);
-        assert_eq!((endings.of(Cause::TooSlow), endings.of(Cause::Deleted)), (1, 0));
     }
 
     #[test]

@@ -5,6 +5,7 @@ mod answer;
 mod cache;
 mod cause;
 pub mod codec;
+mod metrics;
 mod rate;
 mod receive;
 mod request;
@@ -22,10 +23,12 @@ use axum::response::{IntoResponse, Response};
 use crate::http::App;
 use crate::problem::Problem;
 
-use tiles::{LARGEST_PART, Protocol};
+use tiles::LARGEST_PART;
 
 pub use cache::EncodedTiles;
-pub use cause::{Cause, Endings};
+pub use cause::Cause;
+pub use metrics::StreamMetrics;
+pub use tiles::Protocol;
 
 /// Largest message of a client \[bytes\].
 const LARGEST_MESSAGE: usize = 1 << 20;

@@ -34,7 +34,8 @@ pub async fn serve(socket: WebSocket, session: Arc<Session>, protocol: Protocol,
     let rate = CommandRate::new(limits.stream_commands_per_second, Instant::now());
     let bounds = Bounds { rate, writing: &writing };
     let patience = limits.stream_write_timeout;
-    let manner = Manner { protocol, patience, writing: &writing };
+    let carried = app.metrics.streams.begin(protocol);
+    let manner = Manner { protocol, patience, writing: &writing, carried };
     let cause = tokio::select! {
         cause = receive(&mut messages, answers, apply, bounds) => cause,
         cause = send(&mut sink, &session, next, manner) => cause,
@@ -42,7 +43,7 @@ pub async fn serve(socket: WebSocket, session: Arc<Session>, protocol: Protocol,
         () = session.gone().cancelled() => Cause::Deleted,
     };
     debug!(session = session.id, cause = cause.label(), "stream ended");
-    app.endings.count(cause);
+    app.metrics.streams.end(cause);
     let Some(frame) = cause.close_frame() else { return };
     let farewell = async {
         // Fails where the client has closed first, or is gone: then there is nothing to say.

@@ -70,7 +70,7 @@ async fn a_client_that_lets_a_write_block_is_closed(backend: BackendChoice) {
     for id in 0..64 {
         stalled.send(json!({"op": "subscribe", "id": id, "quantum": 0.0001})).await;
     }
-    while server.app.endings.of(Cause::TooSlow) == 0 {
+    while server.app.metrics.streams.ended(Cause::TooSlow) == 0 {
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
     assert_eq!(stalled.close_code().await, 3008);
@@ -88,7 +88,7 @@ async fn a_client_that_sends_too_many_commands_is_closed(backend: BackendChoice)
         }
     }
     assert_eq!(client.close_code().await, 3013);
-    assert_eq!(server.app.endings.of(Cause::TooManyCommands), 1);
+    assert_eq!(server.app.metrics.streams.ended(Cause::TooManyCommands), 1);
     server.stop().await;
 }
 

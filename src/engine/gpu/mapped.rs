@@ -25,7 +25,12 @@ impl Mapped {
         let view = buffer
             .get_mapped_range(..bytes)
             .map_err(|error| EngineError::DeviceFailed(error.to_string()))?;
-        Ok(Mapped { view: Some(view), buffer: buffer.clone(), kept: bytes as usize, _reader: reader })
+        Ok(Mapped {
+            view: Some(view),
+            buffer: buffer.clone(),
+            kept: bytes as usize,
+            _reader: reader,
+        })
     }
 
     /// Leaves only the first bytes.

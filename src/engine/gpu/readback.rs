@@ -406,7 +406,8 @@ impl Copies {
         let samples: &[Sample] = reader.slice(self.samples);
         let mut samples = samples.iter();
         let mut results = results.iter().map(|row| join(row.low, row.high));
-        let mut outcome = Outcome { work: Vec::with_capacity(self.work.len()), ..Outcome::default() };
+        let mut outcome =
+            Outcome { work: Vec::with_capacity(self.work.len()), ..Outcome::default() };
         for work in &self.work {
             let tally = tallies[work.slot as usize];
             let contact =

@@ -30,7 +30,8 @@ pub struct Readiness {
     sessions: usize,
     /// Most sessions there may be.
     capacity: usize,
-    /// Whether a session could be created now.
+    /// Whether a session should be created here: there is room for one, and frames keep up with
+    /// the clock.
     schedulable: bool,
 }
 
@@ -89,7 +90,7 @@ pub async fn readyz(State(app): State<App>) -> (StatusCode, Answer<Readiness>) {
         auth: "open",
         sessions,
         capacity,
-        schedulable: ready && sessions < capacity,
+        schedulable: ready && sessions < capacity && !app.sessions.vitals().is_overloaded(),
     };
     let code = if ready { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
     (code, Answer(readiness))

@@ -9,6 +9,7 @@ pub mod health;
 pub mod height;
 pub mod heights;
 pub mod mass;
+pub mod metrics;
 pub mod openapi;
 pub mod probes;
 pub mod sessions;
