@@ -1,5 +1,5 @@
 // Compacts the cells of listed tiles: a workgroup for each tile, a thread for four neighbouring
-// cells at a time, its slots 16 apart. Stress is constant meanwhile, so all cycles of a run go in
+// cells at a time, its slots 8 apart. Stress is constant meanwhile, so all cycles of a run go in
 // registers. A tile in which the last cycle changed no quantum goes to rest. The twin of Compaction
 // in src/snow/column.rs.
 
@@ -12,7 +12,7 @@
 @group(0) @binding(5) var<storage, read> filled: array<vec4<u32>>;
 @group(0) @binding(6) var<storage, read_write> heights: array<u32>;
 @group(0) @binding(7) var<storage, read_write> tallies: array<Tally>;
-// The list of tiles: its length, then the tiles.
+// Lists of tiles, and a word with the length of each.
 @group(0) @binding(8) var<storage, read> due: array<u32>;
 @group(0) @binding(9) var<storage, read> mass: array<vec4<u32>>;
 @group(0) @binding(10) var<storage, read_write> thickness: array<vec4<u32>>;
@@ -22,7 +22,7 @@
 // Groups of four columns in a tile.
 const GROUPS: u32 = TILE_COLUMNS / 4u;
 // Slots that a workgroup works on at a time.
-const SLOTS: u32 = 16u;
+const SLOTS: u32 = 8u;
 
 // Four neighbouring cells.
 struct Cells {
@@ -45,36 +45,63 @@ fn load(i: u32) -> Cells {
     return Cells(mass[i], thickness[i], temperature[i], stress[i]);
 }
 
+// A cycle of cells of some hardness; returns their thickness after it.
+fn cycle_once(
+    session: Session,
+    rate: f32,
+    excess: vec4<f32>,
+    density: vec4<f32>,
+    d: vec4<f32>,
+    thinnest: vec4<f32>,
+) -> vec4<f32> {
+    return max(d - indent_of(session, rate, excess, density, d), thinnest);
+}
+
 fn compact_cells(session: Session, rate: f32, cycles: u32, cells: Cells) -> Compacted {
     // An empty slot beside filled ones is a cell of one quantum without stress: it stays as it is.
     let quanta = vec4<f32>(max(cells.mass, vec4(1u)));
     let before = vec4<f32>(max(cells.thickness, vec4(1u)));
+    // The density that a cell would have in one quantum of thickness.
     let content = quanta * session.density;
     // As dense as snow gets, or as it is already.
     let thinnest = max(min(ceil(quanta * session.densest), before), vec4(1.0));
-    let strength = strength_at(session, cells.temperature);
     var d = before;
     var cycle = 0u;
-    for (; cycle < cycles; cycle++) {
-        let x = indent_of(session, rate, strength, content, d, cells.temperature, cells.stress);
-        let next = max(d - x, thinnest);
-        if all(next == d) {
-            break;
+    // Two loops, so that the common one keeps little in registers: more of it run at a time.
+    if is_plain(session, content / before, cells.temperature) {
+        let strength = strength_at(session, cells.temperature);
+        for (; cycle < cycles; cycle++) {
+            let density = content / d;
+            let excess = cells.stress - evaluate(strength, density);
+            let next = cycle_once(session, rate, excess, density, d, thinnest);
+            if all(next == d) {
+                break;
+            }
+            d = next;
         }
-        d = next;
+    } else {
+        for (; cycle < cycles; cycle++) {
+            let density = content / d;
+            let excess = cells.stress - hardness(session, density, cells.temperature);
+            let next = cycle_once(session, rate, excess, density, d, thinnest);
+            if all(next == d) {
+                break;
+            }
+            d = next;
+        }
     }
     return Compacted(cells.thickness - vec4<u32>(before - d), cycle);
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(128)
 fn compact(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
     let index = flat_index(group, groups);
-    let listed = due[work.first];
-    let tile = due[work.first + 1u + index];
+    let listed = due[work.length];
+    let tile = due[work.first + index];
     if index >= listed {
         return;
     }
@@ -117,9 +144,10 @@ fn compact(
         }
     }
     if last > 0u {
-        for (var i = 0u; i < 4u; i++) {
-            atomicAdd(&lost[4u * columns + i], shrunk[i]);
-        }
+        atomicAdd(&lost[4u * columns], shrunk.x);
+        atomicAdd(&lost[4u * columns + 1u], shrunk.y);
+        atomicAdd(&lost[4u * columns + 2u], shrunk.z);
+        atomicAdd(&lost[4u * columns + 3u], shrunk.w);
         atomicMax(&last_change, last);
     }
     workgroupBarrier();

@@ -98,15 +98,11 @@ fn sample(
         let sigma = stress[cell];
         let density = quanta / f32(d) * session.density;
         // The law takes four cells at a time; here they are all the same.
-        let strength = strength_at(session, vec4(celsius));
-        let hardness = hardness(session, strength, vec4(density), vec4(celsius)).x;
+        let hard = hardness(session, vec4(density), vec4(celsius)).x;
         let stiffness = pow(density, session.stiffness_exponent);
         let load_stress = max(sigma - GRAVITY * (f32(above) * MASS_QUANTUM), 0.0);
-        let content = vec4(quanta * session.density);
-        let indent = indent_of(
-            session, job.rate, strength, content, vec4(f32(d)), vec4(celsius), vec4(sigma),
-        ).x;
-        let x = indent * session.metres;
+        let excess = vec4(sigma - hard);
+        let x = indent_of(session, job.rate, excess, vec4(density), vec4(f32(d))).x * session.metres;
         above -= mass[cell];
         var left = d;
         while left > 0u {
@@ -116,7 +112,7 @@ fn sample(
             sums.fill += fill;
             sums.mass += part;
             sums.temperature += celsius * part;
-            sums.hardness += hardness * fill;
+            sums.hardness += hard * fill;
             sums.stiffness += stiffness * fill;
             sums.stress += sigma * fill;
             sums.load_stress += load_stress * fill;

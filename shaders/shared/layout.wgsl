@@ -195,7 +195,9 @@ struct Pass {
     page: u32,
     // Not 0 right after an edit, when nothing may be skipped.
     edited: u32,
-    padding: vec2<u32>,
+    // Where the length of a list of tiles stands.
+    length: u32,
+    padding: u32,
 }
 
 // Index of a workgroup in a dispatch of two dimensions.

@@ -112,13 +112,12 @@ impl Buffers {
         kernel: Option<&Kernel>,
         samples: u32,
     ) -> Result<(Clock, Vec<Duration>), EngineError> {
-        let mut watch = Stopwatch::new(device, 2);
+        let mut watch = Stopwatch::new(device, 3);
         let mut times = Vec::new();
         for _ in 0..WARM_UP + samples {
             let mut encoder = device.device.create_command_encoder(&Default::default());
             if let Some(watch) = &mut watch {
-                watch.reset();
-                watch.stamp(&mut encoder);
+                watch.begin(&mut encoder);
             }
             self.encode(device, &mut encoder, kernel);
             if let Some(watch) = &mut watch {

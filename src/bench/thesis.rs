@@ -141,7 +141,7 @@ impl Thesis<'_> {
             ],
         });
         device.check()?;
-        Ok(Thesis { device, pipelines, binding, watch: Stopwatch::new(device, 2) })
+        Ok(Thesis { device, pipelines, binding, watch: Stopwatch::new(device, 3) })
     }
 
     /// Runs cycles one by one, each in a submit of its own.
@@ -159,8 +159,7 @@ impl Thesis<'_> {
     fn cycle(&mut self) -> Result<Duration, EngineError> {
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         if let Some(watch) = &mut self.watch {
-            watch.reset();
-            watch.stamp(&mut encoder);
+            watch.begin(&mut encoder);
         }
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_bind_group(0, &self.binding, &[]);

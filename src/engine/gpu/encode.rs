@@ -15,20 +15,16 @@ use super::resident::{self, Residents};
 impl GpuBackend {
     /// Carries a frame out and begins to read back what came of it.
     pub(super) fn carry_out(&mut self, mut frame: Frame) {
-        if let Some(profile) = &mut self.profile {
-            profile.reset();
-        }
-        frame.work.retain(|work| self.residents.get(work.slot).is_some());
-        let edits: Vec<u32> = frame.work.iter().map(|work| work.edits.len() as u32).collect();
-        let mut rounds = take_rounds(&mut frame.work);
+        let Survey { edits, mut rounds, tiles, groups, running, samples } = self.survey(&mut frame);
         let last = rounds.pop().unwrap_or_default();
 
-        let (tiles, groups) = self.publishable(&frame.work);
         self.tables.fit_to(&self.device, &self.arena);
         let total = edits.iter().map(|&count| u64::from(count)).sum();
-        let samples = frame.work.iter().flat_map(|work| &work.samples).map(SampleBox::cells).sum();
         let mut encoder =
             self.tables.begin_frame(&self.device, total, tiles, groups.len() as u64, samples);
+        if let Some(profile) = &mut self.profile {
+            profile.begin(&mut encoder);
+        }
         let mut evaluated = BTreeSet::new();
         for round in rounds {
             let (mut planner, residents) = self.planner(&mut evaluated);
@@ -46,7 +42,7 @@ impl GpuBackend {
         let always_awake = self.always_awake;
         let (mut planner, residents) = self.planner(&mut evaluated);
         planner.edits(residents, last);
-        planner.runs(residents, &frame.work, tile_end, &pages, always_awake);
+        planner.runs(residents, &frame.work, running, tile_end, &pages, always_awake);
         planner.reports(residents, &frame.work, &groups);
         planner.samples(residents, &frame.work);
         let dispatches = planner.dispatches;
@@ -58,7 +54,8 @@ impl GpuBackend {
             profile.finish(&mut encoder);
         }
         self.tables.mail.finish(&encoder);
-        let submission = self.device.queue.submit([encoder.finish()]);
+        let buffer = encoder.finish();
+        let submission = self.device.queue.submit([buffer]);
         self.readback.begin(submission);
     }
 
@@ -76,19 +73,33 @@ impl GpuBackend {
         (planner, &mut self.residents)
     }
 
-    /// Most tiles that a frame can publish, and the groups of 64 that they are among.
-    fn publishable(&self, work: &[Work]) -> (u64, Range<u32>) {
-        let published = work.iter().filter(|work| work.publish);
-        let lots = published.filter_map(|work| self.residents.get(work.slot)).map(|r| &r.lot.tiles);
-        lots.fold((0, 0..0), |(count, groups), tiles| {
-            let own = tiles.start / 64..tiles.end.div_ceil(64);
-            let all = if groups.is_empty() {
-                own
-            } else {
-                groups.start.min(own.start)..groups.end.max(own.end)
-            };
-            (count + tiles.len() as u64, all)
-        })
+    /// Looks through the work of a frame, and takes the edits out of it.
+    fn survey(&self, frame: &mut Frame) -> Survey {
+        let mut found = Survey { edits: Vec::with_capacity(frame.work.len()), ..Survey::default() };
+        let mut number = 0;
+        frame.work.retain_mut(|work| {
+            let Some(resident) = self.residents.get(work.slot) else { return false };
+            found.edits.push(work.edits.len() as u32);
+            if !work.edits.is_empty() {
+                found.take_edits(work, number);
+                number += found.edits.last().copied().unwrap_or(0);
+            }
+            let own = &resident.lot.tiles;
+            if work.publish {
+                let own = own.start / 64..own.end.div_ceil(64);
+                found.groups = match &found.groups {
+                    groups if groups.is_empty() => own,
+                    groups => groups.start.min(own.start)..groups.end.max(own.end),
+                };
+                found.tiles += resident.lot.tiles.len() as u64;
+            }
+            if work.run.cycles > 0 {
+                found.running += own.len();
+            }
+            found.samples += work.samples.iter().map(SampleBox::cells).sum::<u64>();
+            true
+        });
+        found
     }
 
     /// Writes the rows that dispatches work on, and encodes the dispatches.
@@ -110,15 +121,14 @@ impl GpuBackend {
         }
     }
 
-    /// Encodes dispatches one by one, with a stamp before each and after the last.
+    /// Encodes dispatches one by one, with a stamp before the first and after each.
     fn encode_timed(&mut self, encoder: &mut wgpu::CommandEncoder, dispatches: &[Dispatch]) {
         let Some(mut profile) = self.profile.take() else { return };
-        for dispatch in dispatches {
-            profile.stamp(encoder, Some(dispatch.kernel));
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            self.dispatch(&mut pass, dispatch);
-        }
         profile.stamp(encoder, None);
+        for dispatch in dispatches {
+            self.dispatch(&mut encoder.begin_compute_pass(&Default::default()), dispatch);
+            profile.stamp(encoder, Some(dispatch.kernel));
+        }
         self.profile = Some(profile);
     }
 
@@ -140,19 +150,31 @@ impl GpuBackend {
     }
 }
 
-/// Takes the edits out of the work, round by round, each with its number in the frame.
-fn take_rounds(work: &mut [Work]) -> Vec<Vec<(Slot, Round)>> {
-    let mut rounds: Vec<Vec<(Slot, Round)>> = Vec::new();
-    let mut number = 0;
-    for work in work {
+/// What the work of a frame amounts to.
+#[derive(Default)]
+struct Survey {
+    /// Edits of each snowpack.
+    edits: Vec<u32>,
+    /// The edits, round by round, each with its number in the frame.
+    rounds: Vec<Vec<(Slot, Round)>>,
+    /// Most tiles that can be published, and the groups of 64 that they are among.
+    tiles: u64,
+    groups: Range<u32>,
+    /// Tiles of the snowpacks that run.
+    running: usize,
+    /// Cells of the fixed grid.
+    samples: u64,
+}
+
+impl Survey {
+    /// Takes the edits of one snowpack, the first of which has a number.
+    fn take_edits(&mut self, work: &mut Work, number: u32) {
         let edits: Vec<(u32, Edit)> = (number..).zip(std::mem::take(&mut work.edits)).collect();
-        number += edits.len() as u32;
         for (i, round) in resident::rounds(edits).into_iter().enumerate() {
-            if rounds.len() <= i {
-                rounds.push(Vec::new());
+            if self.rounds.len() <= i {
+                self.rounds.push(Vec::new());
             }
-            rounds[i].push((work.slot, round));
+            self.rounds[i].push((work.slot, round));
         }
     }
-    rounds
 }

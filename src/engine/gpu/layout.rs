@@ -326,8 +326,10 @@ pub struct Pass {
     pub page: u32,
     /// Not 0 right after an edit.
     pub edited: u32,
+    /// Where the length of a list of tiles stands.
+    pub length: u32,
     /// Fills the row.
-    pub padding: [u32; 2],
+    pub padding: u32,
 }
 
 /// A 64-bit number of two words.

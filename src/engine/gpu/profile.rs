@@ -15,27 +15,27 @@ const STAMPS: u32 = 1024;
 #[derive(Debug)]
 pub struct Profile {
     watch: Stopwatch,
-    /// What runs after each stamp.
-    after: Vec<Option<KernelId>>,
+    /// What runs before each stamp.
+    before: Vec<Option<KernelId>>,
 }
 
 impl Profile {
     /// A profile; `None` where the adapter takes no times.
     pub fn new(device: &Device) -> Option<Profile> {
-        Some(Profile { watch: Stopwatch::new(device, STAMPS)?, after: Vec::new() })
+        Some(Profile { watch: Stopwatch::new(device, STAMPS)?, before: Vec::new() })
     }
 
     /// Begins a frame.
-    pub fn reset(&mut self) {
-        self.watch.reset();
-        self.after.clear();
+    pub fn begin(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        self.watch.begin(encoder);
+        self.before.clear();
     }
 
-    /// Takes a stamp before a kernel, or after the last one.
+    /// Takes a stamp after a kernel, or `None` after something else.
     pub fn stamp(&mut self, encoder: &mut wgpu::CommandEncoder, kernel: Option<KernelId>) {
         if self.watch.has_room(1) {
             self.watch.stamp(encoder);
-            self.after.push(kernel);
+            self.before.push(kernel);
         }
     }
 
@@ -50,7 +50,7 @@ impl Profile {
     /// [`EngineError::DeviceFailed`].
     pub fn kernels(&self, device: &Device) -> Result<Vec<(KernelId, Duration)>, EngineError> {
         let laps = self.watch.laps(device)?;
-        let timed = self.after.iter().zip(laps);
-        Ok(timed.filter_map(|(kernel, lap)| kernel.map(|kernel| (kernel, lap))).collect())
+        let timed = self.before.iter().zip(laps);
+        Ok(timed.filter_map(|(kernel, lap)| Some(((*kernel)?, lap))).collect())
     }
 }

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
 use bytemuck::Pod;
+use rayon::prelude::*;
 
 use crate::engine::frame::{EngineError, Outcome, SampleBox, Slot, TileCells, Work, WorkOutcome};
 use crate::engine::published::{Group, Published};
@@ -21,6 +22,9 @@ use super::tables::{PACKED_BYTES, Tables};
 
 /// Packed tiles that are copied before it is known how many there are, at the least.
 const FEWEST_PACKED: u64 = 256;
+
+/// Outcomes that one thread takes at the least.
+const FEWEST_AT_A_TIME: usize = 256;
 
 /// Bytes of cells that are copied out at a time.
 const CELLS_AT_ONCE: u64 = 64 << 20;
@@ -48,12 +52,13 @@ pub struct Copies {
 #[derive(Debug)]
 struct WorkCopies {
     slot: Slot,
-    edits: u32,
+    /// Its edits, by their numbers in the frame.
+    edits: Range<u32>,
     /// Its tiles, where it publishes.
     tiles: Range<u32>,
     contacts: Vec<(Arc<str>, u32)>,
     gathered: usize,
-    samples: Vec<u64>,
+    samples: Vec<Range<u64>>,
 }
 
 impl Copies {
@@ -75,28 +80,37 @@ impl Copies {
             groups,
             ..Copies::default()
         };
+        let mut number = 0;
         for (work, &edits) in work.iter().zip(edits) {
-            let Some(resident) = residents.get(work.slot) else { continue };
             let mut contacts = Vec::new();
             let mut tiles = 0..0;
-            if work.publish {
-                tiles = resident.lot.tiles.clone();
-                contacts.extend(resident.bodies.iter().map(|(id, b)| (id.clone(), b.contact)));
+            let reports = work.publish || !work.gather.is_empty();
+            if let Some(resident) = residents.get(work.slot).filter(|_| reports) {
+                if work.publish {
+                    tiles = resident.lot.tiles.clone();
+                    contacts.extend(resident.bodies.iter().map(|(id, b)| (id.clone(), b.contact)));
+                }
+                if !contacts.is_empty() {
+                    copies.contacts = u64::from(tables.contact_end());
+                }
+                let places = work.gather.iter().map(|&tile| resident.lot.places[tile as usize]);
+                copies.cells.extend(places.map(|place| (place, resident.lot.height)));
             }
-            if !contacts.is_empty() {
-                copies.contacts = u64::from(tables.contact_end());
-            }
-            let places = work.gather.iter().map(|&tile| resident.lot.places[tile as usize]);
-            copies.cells.extend(places.map(|place| (place, resident.lot.height)));
+            let mut sample = |wanted: &SampleBox| {
+                let first = copies.samples;
+                copies.samples += wanted.cells();
+                first..copies.samples
+            };
+            let samples = work.samples.iter().map(&mut sample).collect();
+            number += edits;
             copies.work.push(WorkCopies {
                 slot: work.slot,
-                edits,
+                edits: number - edits..number,
                 tiles,
                 contacts,
                 gathered: work.gather.len(),
-                samples: work.samples.iter().map(SampleBox::cells).collect(),
+                samples,
             });
-            copies.samples += work.samples.iter().map(SampleBox::cells).sum::<u64>();
         }
         copies
     }
@@ -404,30 +418,31 @@ impl Copies {
         let results: &[layout::OperationResult] = reader.slice(self.edits);
         let contacts: &[layout::Contact] = reader.slice(self.contacts);
         let samples: &[Sample] = reader.slice(self.samples);
-        let mut samples = samples.iter();
-        let mut results = results.iter().map(|row| join(row.low, row.high));
-        let mut outcome =
-            Outcome { work: Vec::with_capacity(self.work.len()), ..Outcome::default() };
-        for work in &self.work {
+        let of = |work: &WorkCopies| {
             let tally = tallies[work.slot as usize];
             let contact =
                 |(id, row): &(Arc<str>, u32)| (id.clone(), contacts[*row as usize].into());
-            outcome.work.push(WorkOutcome {
+            let edits = &results[work.edits.start as usize..work.edits.end as usize];
+            let sample =
+                |range: &Range<u64>| samples[range.start as usize..range.end as usize].to_vec();
+            WorkOutcome {
                 slot: work.slot,
-                edits: results.by_ref().take(work.edits as usize).collect(),
+                edits: edits.iter().map(|row| join(row.low, row.high)).collect(),
                 last_change: tally.last_change,
                 tiles: work.tiles.clone(),
                 active_tiles: tally.active_tiles,
                 mass: join(tally.mass_low, tally.mass_high),
                 contacts: work.contacts.iter().map(contact).collect(),
                 gathered: Vec::new(),
-                samples: work
-                    .samples
-                    .iter()
-                    .map(|&count| samples.by_ref().take(count as usize).copied().collect())
-                    .collect(),
-            });
-        }
+                samples: work.samples.iter().map(sample).collect(),
+            }
+        };
+        let work = if self.work.len() < 2 * FEWEST_AT_A_TIME {
+            self.work.iter().map(of).collect()
+        } else {
+            self.work.par_iter().with_min_len(FEWEST_AT_A_TIME).map(of).collect()
+        };
+        let outcome = Outcome { work, ..Outcome::default() };
         let group = |row: &layout::PackedGroup| Group {
             changed: join(row.changed_low, row.changed_high),
             first: row.first,

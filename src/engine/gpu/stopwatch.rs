@@ -54,9 +54,12 @@ impl Stopwatch {
         })
     }
 
-    /// Begins anew.
-    pub fn reset(&mut self) {
+    /// Begins anew: two stamps with nothing between them, so that it is known what a stamp itself
+    /// takes.
+    pub fn begin(&mut self, encoder: &mut wgpu::CommandEncoder) {
         self.taken = 0;
+        self.stamp(encoder);
+        self.stamp(encoder);
     }
 
     /// Whether there is room for some stamps more.
@@ -81,7 +84,8 @@ impl Stopwatch {
         }
     }
 
-    /// Waits for the submit and returns the times from each stamp to the next.
+    /// Waits for the submit and returns the times from the beginning to the first stamp, and from
+    /// each to the next, less what a stamp takes.
     ///
     /// # Errors
     /// [`EngineError::DeviceFailed`].
@@ -102,7 +106,9 @@ impl Stopwatch {
         let stamps: Vec<u64> = bytemuck::pod_collect_to_vec(&view);
         drop(view);
         self.readable.unmap();
-        let lap = |pair: &[u64]| pair[1].saturating_sub(pair[0]) as f64 * self.unit;
-        Ok(stamps.windows(2).map(|pair| Duration::from_secs_f64(lap(pair))).collect())
+        let mut laps = stamps.windows(2).map(|pair| pair[1].saturating_sub(pair[0]));
+        let stamp = laps.next().unwrap_or(0);
+        let seconds = |lap: u64| lap.saturating_sub(stamp) as f64 * self.unit;
+        Ok(laps.map(|lap| Duration::from_secs_f64(seconds(lap))).collect())
     }
 }

@@ -183,11 +183,12 @@ impl Tables {
         self.arena_generation = arena.generation;
         self.bindings.clear();
         let mut starts = Vec::with_capacity(arena.pages.len());
-        self.host_lists = 0;
+        // The lengths of the lists come first, so that they are cleared at once.
+        self.host_lists = arena.pages.len() as u32;
         for page in 0..arena.pages.len() {
             starts.push(self.host_lists);
             // No tile has less than one row of cells.
-            self.host_lists += 1 + arena.page_rows(page);
+            self.host_lists += arena.page_rows(page);
         }
         let bytes: &[u8] = bytemuck::cast_slice(&starts);
         self.page_starts.reserve(&device.device, bytes.len() as u64);
@@ -234,19 +235,19 @@ impl Tables {
         if let Some(tiles) = arena.table(Resource::Tiles) {
             for (tile, row) in self.tile_rows.drain(..) {
                 let bytes = bytemuck::bytes_of(&row);
-                mail.write(encoder, tiles, u64::from(tile) * bytes.len() as u64, bytes);
+                mail.write(tiles, u64::from(tile) * bytes.len() as u64, bytes);
             }
         }
         let lists = u64::from(self.host_lists) * 4;
         let grew = [
-            self.passes.flush(d, encoder, mail),
-            self.colliders.flush(d, encoder, mail),
-            self.spans.flush(d, encoder, mail),
-            self.load_jobs.flush(d, encoder, mail),
-            self.loads.flush(d, encoder, mail),
-            self.edit_jobs.flush(d, encoder, mail),
-            self.operations.flush(d, encoder, mail),
-            self.sample_jobs.flush(d, encoder, mail),
+            self.passes.flush(d, mail),
+            self.colliders.flush(d, mail),
+            self.spans.flush(d, mail),
+            self.load_jobs.flush(d, mail),
+            self.loads.flush(d, mail),
+            self.edit_jobs.flush(d, mail),
+            self.operations.flush(d, mail),
+            self.sample_jobs.flush(d, mail),
             self.due.reserve(d, lists + self.lists.len() as u64 * 4),
             self.runs_buffer.reserve(d, self.runs.len() as u64 * 16),
         ]
@@ -254,18 +255,15 @@ impl Tables {
         if grew {
             self.bindings.clear();
         }
-        mail.write(encoder, self.due.buffer(), lists, bytemuck::cast_slice(&self.lists));
-        mail.write(encoder, self.runs_buffer.buffer(), 0, bytemuck::cast_slice(&self.runs));
+        mail.write(self.due.buffer(), lists, bytemuck::cast_slice(&self.lists));
+        mail.write(self.runs_buffer.buffer(), 0, bytemuck::cast_slice(&self.runs));
+        mail.send(encoder);
         self.lists.clear();
     }
 
     /// Clears the lists of due tiles and the arguments made of their lengths.
     pub fn clear_schedule(&self, encoder: &mut wgpu::CommandEncoder, arena: &Arena) {
-        let mut start = 0;
-        for page in 0..arena.pages.len() {
-            encoder.clear_buffer(self.due.buffer(), start * 4, Some(4));
-            start += 1 + u64::from(arena.page_rows(page));
-        }
+        encoder.clear_buffer(self.due.buffer(), 0, Some(arena.pages.len() as u64 * 4));
         encoder.clear_buffer(self.arguments.buffer(), 0, None);
     }
 
