@@ -3,14 +3,12 @@
 
 use std::sync::Arc;
 
-use crate::engine::frame::TileHeights;
 use crate::snow::{Grid, Material, TILE_COLUMNS};
 
 use super::clock::Clock;
 use super::view::{ColliderView, Settings, Stamp, Summary};
 
-/// Column heights of a tile, in thickness quanta.
-pub type TileColumns = [u32; TILE_COLUMNS as usize];
+pub use crate::engine::published::TileColumns;
 
 /// Everything about a snowpack that can be read without asking the device.
 #[derive(Clone, Debug)]
@@ -64,16 +62,16 @@ impl Mirror {
     }
 
     /// Takes over a tile that changed at `seq`.
-    pub(super) fn update(&mut self, changed: &TileHeights, seq: u64) {
-        self.tiles[changed.tile as usize] = changed.heights;
-        self.versions[changed.tile as usize] = seq;
+    pub(super) fn update(&mut self, tile: u32, heights: &TileColumns, seq: u64) {
+        self.tiles[tile as usize] = *heights;
+        self.versions[tile as usize] = seq;
     }
 
     /// Publishes a change of a tile, for tests of what is made of it.
     #[cfg(test)]
     pub(crate) fn change(&mut self, tile: u32, seq: u64) {
         let heights = self.tiles[tile as usize].map(|height| height + 1);
-        self.update(&TileHeights { slot: 0, tile, heights }, seq);
+        self.update(tile, &heights, seq);
         self.seq = seq;
     }
 

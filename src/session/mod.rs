@@ -46,5 +46,5 @@ pub use view::{
     CreatedSession, LayerView, MassView, SessionView, Settings, SnowfallReply, Stamp, State,
     Summary, WeakLayerView,
 };
-pub use vitals::Vitals;
+pub use vitals::{FrameTime, Vitals};
 pub use world::{World, WorldConfig};

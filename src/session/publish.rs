@@ -2,7 +2,8 @@
 
 use std::sync::{Arc, PoisonError};
 
-use crate::engine::frame::{TileHeights, WorkOutcome};
+use crate::engine::frame::WorkOutcome;
+use crate::engine::published::TileColumns;
 use crate::snow::{CELL, Contact, Grid};
 
 use super::gather::{Gathered, Sampled};
@@ -16,7 +17,11 @@ use super::view::{
 
 impl Simulation {
     /// Takes in the outcome of the frame in flight; `tiles` are those of it that changed.
-    pub(super) fn conclude(&mut self, outcome: WorkOutcome, tiles: &[TileHeights]) {
+    pub(super) fn conclude<'a>(
+        &mut self,
+        outcome: WorkOutcome,
+        tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
+    ) {
         self.enter_ledger(&outcome.edits);
         let was_settled = self.is_settled();
         self.conclude_run(outcome.last_change);
@@ -57,7 +62,13 @@ impl Simulation {
     }
 
     /// Brings the mirror up to date.
-    fn publish(&mut self, orders: &Orders, outcome: &WorkOutcome, tiles: &[TileHeights]) -> Stamp {
+    fn publish<'a>(
+        &mut self,
+        orders: &Orders,
+        outcome: &WorkOutcome,
+        tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
+    ) -> Stamp {
+        let mut tiles = tiles.peekable();
         let session = self.session.clone();
         for (collider, (_, contact)) in self.colliders.values_mut().zip(&outcome.contacts) {
             collider.contact = *contact;
@@ -66,10 +77,10 @@ impl Simulation {
         let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
         let colliders_changed = *mirror.colliders != *colliders;
         let asked = orders.replies.iter().any(|reply| matches!(reply, Reply::Change { .. }));
-        let changed = !tiles.is_empty() || colliders_changed || orders.changed || asked;
+        let changed = tiles.peek().is_some() || colliders_changed || orders.changed || asked;
         let seq = mirror.seq + u64::from(changed);
-        for tile in tiles {
-            mirror.update(tile, seq);
+        for (tile, heights) in tiles {
+            mirror.update(tile, heights, seq);
         }
         if colliders_changed {
             mirror.colliders = colliders;

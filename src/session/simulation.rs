@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 
 use crate::engine::frame::{Deposit, Edit, Layout, Run, Slot, Work};
 use crate::snow::{CELL, ColumnRect, Contact, MASS_QUANTA, Material, Position, Shape};
@@ -234,7 +235,7 @@ impl Simulation {
         frame: u64,
         publish: bool,
         sleep: bool,
-        samples: &mut u64,
+        samples: &AtomicU64,
     ) -> Option<Work> {
         let clock_before = self.clock;
         let mut advance = self.take_ticks(frame);

@@ -1,9 +1,29 @@
 //! How the engine is doing, for whoever asks from another thread.
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use crate::engine::frame::DeviceInfo;
+
+/// Frames that are remembered.
+const REMEMBERED: usize = 1024;
+
+/// What one frame took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameTime {
+    /// Counts the frames from 1, those between beats included.
+    pub number: u64,
+    /// Sessions in it.
+    pub sessions: u32,
+    /// Tiles whose heights it published.
+    pub published_tiles: u32,
+    /// Time from when it was begun until all of it was published.
+    pub took: Duration,
+    /// Part of that in which the host waited for the backend.
+    pub backend: Duration,
+}
 
 /// How the engine is doing.
 #[derive(Debug, Default)]
@@ -15,6 +35,7 @@ pub struct Vitals {
     pub(super) frames: AtomicU64,
     pub(super) frame_time_us: AtomicU64,
     pub(super) slipped_us: AtomicU64,
+    pub(super) frame_times: Mutex<VecDeque<FrameTime>>,
     pub(super) overloaded: AtomicBool,
 }
 
@@ -33,6 +54,27 @@ impl Vitals {
     /// Bytes of device memory held for snowpacks.
     pub fn memory(&self) -> u64 {
         self.memory.load(Ordering::Relaxed)
+    }
+
+    /// What the newest frames took, the oldest of them first: those of about the last 17 s.
+    pub fn frame_times(&self) -> Vec<FrameTime> {
+        let times = self.frame_times.lock().unwrap_or_else(PoisonError::into_inner);
+        times.iter().copied().collect()
+    }
+
+    /// Notes what a frame took, and numbers it.
+    pub(super) fn note(&self, frame: FrameTime) {
+        let mut times = self.frame_times.lock().unwrap_or_else(PoisonError::into_inner);
+        let number = times.back().map_or(0, |last| last.number) + 1;
+        if times.len() == REMEMBERED {
+            times.pop_front();
+        }
+        times.push_back(FrameTime { number, ..frame });
+        drop(times);
+        if frame.sessions > 0 {
+            self.frames.fetch_add(1, Ordering::Relaxed);
+            self.frame_time_us.fetch_add(frame.took.as_micros() as u64, Ordering::Relaxed);
+        }
     }
 
     /// Frames that were carried out.

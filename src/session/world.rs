@@ -7,9 +7,9 @@
 
 mod engine;
 mod requests;
+mod simulations;
 mod slots;
 
-use std::collections::{HashMap, HashSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -27,6 +27,7 @@ use super::registry::{Names, Sessions};
 use super::spec::Limits;
 use super::vitals::Vitals;
 use engine::Engine;
+use simulations::Simulations;
 use slots::Slots;
 
 /// Requests that may wait for the next frame before senders have to.
@@ -85,8 +86,8 @@ impl World {
             next_inspection: 0,
             next_beat: Instant::now(),
             pace: Pace::default(),
-            simulations: HashMap::new(),
-            active: HashSet::new(),
+            simulations: Simulations::default(),
+            busy: false,
             slots: Slots::default(),
         };
         let thread = std::thread::Builder::new().name("world".to_owned()).spawn(move || {

@@ -1,11 +1,11 @@
 //! The loop of the world's thread: beats, frames and what came of them.
 
-use std::collections::{HashMap, HashSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use rayon::prelude::*;
 use tokio::sync::mpsc;
 use tracing::{error, info};
 
@@ -17,13 +17,17 @@ use crate::session::message::Message;
 use crate::session::pace::Pace;
 use crate::session::registry::Names;
 use crate::session::simulation::Simulation;
-use crate::session::vitals::Vitals;
+use crate::session::vitals::{FrameTime, Vitals};
 
+use super::simulations::Simulations;
 use super::slots::Slots;
 use super::{INBOX, WorldConfig};
 
 /// Longest wait for the device at a time.
 const PATIENCE: Duration = Duration::from_millis(100);
+
+/// Sessions in a frame from which on several threads work on them.
+const MANY: usize = 64;
 
 /// What lives on the world's thread.
 pub(super) struct Engine {
@@ -41,9 +45,9 @@ pub(super) struct Engine {
     pub(super) next_inspection: u64,
     pub(super) next_beat: Instant,
     pub(super) pace: Pace,
-    pub(super) simulations: HashMap<u64, Simulation>,
-    /// Keys of the simulations that want to be in the coming frames.
-    pub(super) active: HashSet<u64>,
+    pub(super) simulations: Simulations,
+    /// A simulation has orders, which no beat has to be waited for.
+    pub(super) busy: bool,
     pub(super) slots: Slots,
 }
 
@@ -57,16 +61,19 @@ impl Engine {
             if !self.take_messages() {
                 return Ok(());
             }
+            let (begun, beat) = (Instant::now(), self.frame);
             let publish = self.beat();
             self.delete_forsaken();
-            self.carry_out_frame(publish)?;
+            let frame = self.carry_out_frame(publish)?;
+            if frame.sessions > 0 || self.frame > beat {
+                self.vitals.note(FrameTime { took: begun.elapsed(), ..frame });
+            }
         }
     }
 
     /// Waits for a request or the next beat, and takes in what has arrived. False means stop.
     fn take_messages(&mut self) -> bool {
-        let busy = self.active.iter().any(|key| self.simulations[key].has_orders());
-        if !busy {
+        if !self.busy {
             let deadline = tokio::time::Instant::from_std(self.next_beat);
             let inbox = &mut self.inbox;
             let wait = async { tokio::time::timeout_at(deadline, inbox.recv()).await };
@@ -120,14 +127,16 @@ impl Engine {
         publications(self.frame) > publications(self.frame - 1)
     }
 
-    /// Deletes, once a second, the sessions that nobody has asked for as long as they are kept.
+    /// Deletes the sessions that nobody has asked for as long as they are kept. Each is looked at
+    /// once a second, some with every beat.
     fn delete_forsaken(&mut self) {
         if self.frame < self.next_inspection {
             return;
         }
-        self.next_inspection = self.frame + FRAME_RATE as u64;
+        self.next_inspection = self.frame + 1;
+        let parts = FRAME_RATE as u64;
         let mut forsaken = Vec::new();
-        for (&key, simulation) in &self.simulations {
+        for simulation in self.simulations.part((self.frame % parts) as usize, parts as usize) {
             let session = &simulation.session;
             // A request under way and a stream hold the session as well as we and its name do.
             if Arc::strong_count(session) > 2 {
@@ -135,7 +144,7 @@ impl Engine {
             }
             let kept = simulation.settings.delete_after_s;
             if kept.is_some_and(|seconds| session.idle_for() > seconds) {
-                forsaken.push((key, session.id.clone()));
+                forsaken.push((session.key, session.id.clone()));
             }
         }
         for (key, id) in forsaken {
@@ -144,65 +153,55 @@ impl Engine {
         }
     }
 
-    /// Submits one frame for everybody who has something to do, and concludes it.
-    fn carry_out_frame(&mut self, publish: bool) -> Result<(), EngineError> {
+    /// Submits one frame for everybody who has something to do, concludes it, and says what it
+    /// took.
+    fn carry_out_frame(&mut self, publish: bool) -> Result<FrameTime, EngineError> {
         let (number, sleep) = (self.frame, self.config.sleep);
-        let begun = Instant::now();
-        let mut frame = Frame::default();
-        let mut keys = Vec::new();
-        let mut samples = MOST_SAMPLES;
-        let active: Vec<u64> = self.active.iter().copied().collect();
-        for key in active {
-            let plan =
-                self.guard(key, |simulation| simulation.plan(number, publish, sleep, &mut samples));
-            if let Some(work) = plan.flatten() {
-                frame.work.push(work);
-                keys.push(key);
-            } else {
-                self.review(key);
-            }
-        }
-        if keys.is_empty() {
-            return Ok(());
-        }
-        let submitted = Instant::now();
-        self.backend.submit(frame)?;
-        let outcome = loop {
-            if let Some(outcome) = self.backend.poll(PATIENCE)? {
-                break outcome;
-            }
-        };
-        let took = submitted.elapsed();
-        self.conclude(&keys, outcome, took);
-        self.vitals.frames.fetch_add(1, Ordering::Relaxed);
-        let whole = begun.elapsed().as_micros() as u64;
-        self.vitals.frame_time_us.fetch_add(whole, Ordering::Relaxed);
-        Ok(())
-    }
-
-    fn conclude(&mut self, keys: &[u64], mut outcome: Outcome, took: Duration) {
-        outcome.tiles.sort_unstable_by_key(|tile| (tile.slot, tile.tile));
-        for (&key, work) in keys.iter().zip(outcome.work) {
-            let first = outcome.tiles.partition_point(|tile| tile.slot < work.slot);
-            let end = outcome.tiles.partition_point(|tile| tile.slot <= work.slot);
-            let tiles = &outcome.tiles[first..end];
-            self.guard(key, |simulation| {
-                if let Some(job) = &mut simulation.step {
-                    job.fit(took);
+        let room = AtomicU64::new(MOST_SAMPLES);
+        self.busy = false;
+        let plans = each(self.simulations.active_mut(), |simulation| {
+            let plan = caught(|| simulation.plan(number, publish, sleep, &room));
+            (simulation, plan)
+        });
+        let mut frame = Frame { work: Vec::with_capacity(plans.len()) };
+        let (mut part, mut idle, mut failed) = (Vec::with_capacity(plans.len()), vec![], vec![]);
+        for (simulation, plan) in plans {
+            match plan {
+                Some(Some(work)) => {
+                    frame.work.push(work);
+                    part.push(simulation);
                 }
-                simulation.conclude(work, tiles);
-            });
-            self.review(key);
+                Some(None) => idle.push(simulation.session.key),
+                None => failed.push(simulation.session.key),
+            }
         }
-        self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
+        let mut time = FrameTime { sessions: part.len() as u32, ..FrameTime::default() };
+        if !part.is_empty() {
+            let submitted = Instant::now();
+            self.backend.submit(frame)?;
+            let outcome = loop {
+                if let Some(outcome) = self.backend.poll(PATIENCE)? {
+                    break outcome;
+                }
+            };
+            time.backend = submitted.elapsed();
+            time.published_tiles = outcome.published.count();
+            let concluded = conclude(part, outcome, time.backend);
+            idle.extend(concluded.iter().filter(|c| c.review).map(|c| c.key));
+            failed.extend(concluded.iter().filter(|c| c.failed).map(|c| c.key));
+            self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
+        }
+        idle.into_iter().for_each(|key| self.review(key));
+        failed.into_iter().for_each(|key| self.end_failed(key));
+        Ok(time)
     }
 
     /// Keeps a simulation among the active ones where it has more to do.
     pub(super) fn review(&mut self, key: u64) {
-        match self.simulations.get(&key) {
-            Some(simulation) if simulation.wants_frames() => self.active.insert(key),
-            _ => self.active.remove(&key),
-        };
+        let Some(simulation) = self.simulations.get(&key) else { return };
+        self.busy |= simulation.has_orders();
+        let active = simulation.wants_frames();
+        self.simulations.set_active(key, active);
     }
 
     /// Does something with one simulation. A panic ends that session and no other.
@@ -212,14 +211,58 @@ impl Engine {
         act: impl FnOnce(&mut Simulation) -> T,
     ) -> Option<T> {
         let simulation = self.simulations.get_mut(&key)?;
-        match catch_unwind(AssertUnwindSafe(|| act(simulation))) {
-            Ok(value) => Some(value),
-            Err(_) => {
-                let id = simulation.session.id.clone();
-                error!(session = id, "handling this session panicked; it is ended");
-                self.remove(key, &SessionError::Internal(format!("session '{id}' failed")));
-                None
-            }
+        let value = caught(|| act(simulation));
+        if value.is_none() {
+            self.end_failed(key);
         }
+        value
     }
+
+    /// Ends a session in which something panicked.
+    fn end_failed(&mut self, key: u64) {
+        let Some(simulation) = self.simulations.get(&key) else { return };
+        let id = simulation.session.id.clone();
+        error!(session = id, "handling this session panicked; it is ended");
+        self.remove(key, &SessionError::Internal(format!("session '{id}' failed")));
+    }
+}
+
+/// What has to be done after a simulation has taken in its outcome.
+struct Concluded {
+    key: u64,
+    failed: bool,
+    /// Whether it has orders, or nothing more to do.
+    review: bool,
+}
+
+/// Lets simulations take in their outcomes, in the order of the frame's work.
+fn conclude(part: Vec<&mut Simulation>, outcome: Outcome, took: Duration) -> Vec<Concluded> {
+    let published = &outcome.published;
+    each(part.into_iter().zip(outcome.work).collect(), |(simulation, work)| {
+        let done = caught(|| {
+            if let Some(job) = &mut simulation.step {
+                job.fit(took);
+            }
+            let tiles = published.tiles(work.tiles.clone());
+            simulation.conclude(work, tiles);
+        });
+        Concluded {
+            key: simulation.session.key,
+            failed: done.is_none(),
+            review: simulation.has_orders() || !simulation.wants_frames(),
+        }
+    })
+}
+
+/// Does something with each, many at a time where there are many.
+fn each<I: Send, T: Send>(items: Vec<I>, act: impl Fn(I) -> T + Send + Sync) -> Vec<T> {
+    if items.len() < MANY {
+        return items.into_iter().map(act).collect();
+    }
+    items.into_par_iter().with_min_len(MANY / 4).map(act).collect()
+}
+
+/// The value, or nothing where there was a panic.
+fn caught<T>(act: impl FnOnce() -> T) -> Option<T> {
+    catch_unwind(AssertUnwindSafe(act)).ok()
 }

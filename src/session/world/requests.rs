@@ -79,11 +79,11 @@ impl Engine {
         }
         let key = session.key;
         self.simulations.insert(key, Simulation::new(session, slot, self.frame));
-        self.active.insert(key);
         self.guard(key, |simulation| {
             simulation.begin(saved.as_deref());
             simulation.next.replies.push(Reply::Created(reply));
         });
+        self.review(key);
     }
 
     /// Hands a request with its answer to a simulation, and sees to it that it gets a frame.
@@ -121,7 +121,6 @@ impl Engine {
 
     /// Takes a session out of the world. Whoever waits for it gets `why`.
     pub(super) fn remove(&mut self, key: u64, why: &SessionError) {
-        self.active.remove(&key);
         let Some(simulation) = self.simulations.remove(&key) else { return };
         self.backend.release(simulation.slot);
         self.slots.give_back(simulation.slot);
