@@ -27,6 +27,17 @@ pub struct Carried {
 }
 
 impl Carried {
+    fn open(metrics: &StreamMetrics, protocol: Protocol) -> Carried {
+        let label = ByProtocol { protocol };
+        let carried = Carried {
+            open: metrics.open.get_or_create_owned(&label),
+            messages: metrics.messages.get_or_create_owned(&label),
+            bytes: metrics.bytes.get_or_create_owned(&label),
+        };
+        carried.open.inc();
+        carried
+    }
+
     /// Counts a message of heights to a client.
     pub fn message(&self, bytes: usize) {
         self.messages.inc();
@@ -47,27 +58,23 @@ impl StreamMetrics {
         registry.register("streams", "Streams that are open", metrics.open.clone());
         let help = "Streams that have ended, by cause";
         registry.register("streams_ended", help, metrics.ended.clone());
-        for cause in Cause::ALL {
-            // A cause that has not occurred yet reads 0, so that an alert can watch it.
-            drop(metrics.ended.get_or_create(&ByCause { cause }));
-        }
         let help = "Messages of heights to stream clients";
         registry.register("stream_messages", help, metrics.messages.clone());
         let help = "Payload of the messages of heights to stream clients";
         registry.register_with_unit("stream_payload", help, Unit::Bytes, metrics.bytes.clone());
+        // What has not occurred yet reads 0, so that alerts and rates can watch it.
+        for cause in Cause::ALL {
+            drop(metrics.ended.get_or_create(&ByCause { cause }));
+        }
+        for protocol in Protocol::ALL {
+            drop(Carried::open(&metrics, protocol));
+        }
         metrics
     }
 
     /// Counts a stream as open until what is returned is dropped.
     pub fn begin(&self, protocol: Protocol) -> Carried {
-        let label = ByProtocol { protocol };
-        let carried = Carried {
-            open: self.open.get_or_create_owned(&label),
-            messages: self.messages.get_or_create_owned(&label),
-            bytes: self.bytes.get_or_create_owned(&label),
-        };
-        carried.open.inc();
-        carried
+        Carried::open(self, protocol)
     }
 
     /// Counts a stream that ended.

@@ -34,7 +34,7 @@ macro_rules! on_each_backend {
             $(
                 #[tokio::test(flavor = "multi_thread")]
                 async fn $name() {
-                    if super::support::skips_gpu() {
+                    if $crate::support::skips_gpu() {
                         eprintln!("SKIPPED: FIRN_SKIP_GPU_TESTS=1");
                         return;
                     }

@@ -1,10 +1,9 @@
 //! The server itself: health, its document, and how it stops.
 
-mod support;
-
+use crate::on_each_backend;
+use crate::support::{Server, small};
 use firn::config::BackendChoice;
 use serde_json::json;
-use support::{Server, small};
 
 on_each_backend!(it_says_how_it_is, it_stops_gracefully, many_clients_are_served_at_once);
 

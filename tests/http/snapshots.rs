@@ -1,10 +1,9 @@
 //! Snapshots over HTTP: saved, restored bit for bit, and refused where they are not sound.
 
-mod support;
-
+use crate::on_each_backend;
+use crate::support::{Options, Reply, Server};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
-use support::{Options, Reply, Server};
 
 on_each_backend!(
     a_restored_session_goes_on_bit_for_bit,

@@ -1,12 +1,11 @@
 //! The life of sessions over HTTP.
 
-mod support;
-
 use std::time::{Duration, Instant};
 
+use crate::on_each_backend;
+use crate::support::{Options, Server, numbers, small};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
-use support::{Options, Server, numbers, small};
 
 on_each_backend!(
     snow_that_has_stopped_falling_is_settled_again,

@@ -1,10 +1,9 @@
 //! Snowfalls and reads of the snow over HTTP.
 
-mod support;
-
+use crate::on_each_backend;
+use crate::support::{Reply, Server, numbers, small};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
-use support::{Reply, Server, numbers, small};
 
 on_each_backend!(
     the_ledger_holds_however_much_is_refused,

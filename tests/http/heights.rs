@@ -1,14 +1,13 @@
 //! Heights as images and arrays, and reads that cost nothing where nothing has changed.
 
-mod support;
-
 use std::io::Cursor;
 use std::time::Duration;
 
+use crate::on_each_backend;
+use crate::support::{Reply, Server, numbers};
 use firn::config::BackendChoice;
 use reqwest::Method;
 use serde_json::{Value, json};
-use support::{Reply, Server, numbers};
 
 on_each_backend!(
     an_image_shows_the_heights,

@@ -1,9 +1,7 @@
 //! The reference to browse: all of it comes from the server itself.
 
-mod support;
-
+use crate::support::{Reply, Server};
 use firn::config::BackendChoice;
-use support::{Reply, Server};
 
 /// Values of an attribute in a page.
 fn attributes<'a>(page: &'a str, name: &str) -> Vec<&'a str> {

@@ -1,11 +1,10 @@
 //! What goes wrong in one session stays in it.
 
-mod support;
-
+use crate::on_each_backend;
+use crate::support::{Server, small};
 use firn::config::BackendChoice;
 use firn::session::{Change, SessionError, Snowfall};
 use serde_json::json;
-use support::{Server, small};
 
 on_each_backend!(a_panic_ends_its_session_and_no_other);
 

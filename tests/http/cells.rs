@@ -1,10 +1,9 @@
 //! The fixed grid over HTTP.
 
-mod support;
-
+use crate::on_each_backend;
+use crate::support::Server;
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
-use support::Server;
 
 on_each_backend!(
     the_grid_shows_ground_snow_and_air,

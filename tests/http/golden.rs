@@ -1,10 +1,9 @@
 //! The golden cases and the experiments, over HTTP.
 
-mod support;
-
+use crate::on_each_backend;
+use crate::support::{Server, numbers};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
-use support::{Server, numbers};
 
 on_each_backend!(
     golden_cases_hold,

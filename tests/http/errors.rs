@@ -1,13 +1,12 @@
 //! Bad input over HTTP: the documented status, a problem that names the field, nothing changed.
 
-mod support;
-
 use std::time::Duration;
 
+use crate::on_each_backend;
+use crate::support::{Options, Server, small};
 use firn::config::{BackendChoice, RequestConfig};
 use reqwest::Method;
 use serde_json::{Value, json};
-use support::{Options, Server, small};
 
 on_each_backend!(
     bad_sessions_are_refused,

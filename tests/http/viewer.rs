@@ -1,13 +1,11 @@
 //! The viewer's files: the page is asked for anew, what belongs to it is kept for ever. What the page does is tested in a
 //! browser, by `viewer/test`.
 
-mod support;
-
 use std::path::Path;
 
+use crate::support::{Reply, Server};
 use firn::config::BackendChoice;
 use reqwest::Method;
-use support::{Reply, Server};
 
 async fn fetch(server: &Server, path: &str, headers: &[(&str, &str)]) -> Reply {
     server.send(Method::GET, path, headers, Vec::new()).await

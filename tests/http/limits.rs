@@ -1,19 +1,17 @@
 //! What one client, one connection and one token may take, and TLS.
 
-mod support;
-
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::support::{Options, Server, small};
 use firn::config::{AccessConfig, ApiKey, BackendChoice, ConnectionConfig};
 use futures_util::StreamExt;
 use rcgen::CertifiedKey;
 use reqwest::Method;
 use rustls::pki_types::{CertificateDer, ServerName};
 use serde_json::{Value, json};
-use support::{Options, Server, small};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::time::timeout;

@@ -1,11 +1,9 @@
 //! Who may do what, over HTTP.
 
-mod support;
-
+use crate::support::{Options, Server, small};
 use firn::config::{AccessConfig, ApiKey, BackendChoice};
 use reqwest::Method;
 use serde_json::{Value, json};
-use support::{Options, Server, small};
 
 const KEY: &str = "a-key-that-nobody-can-guess";
 

@@ -1,10 +1,9 @@
 //! Diagrams of columns over HTTP: read as XML, and their lines compared with the layers.
 
-mod support;
-
+use crate::on_each_backend;
+use crate::support::Server;
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
-use support::Server;
 
 on_each_backend!(a_column_is_drawn_with_its_weak_layer, a_column_that_is_not_there_is_named);
 
@@ -48,7 +47,7 @@ async fn a_column_is_drawn_with_its_weak_layer(backend: BackendChoice) {
 
 async fn a_column_that_is_not_there_is_named(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    let path = server.create(support::small()).await;
+    let path = server.create(crate::support::small()).await;
     for (query, pointers) in [
         ("", &["column_x", "column_z"][..]),
         ("column_x=10&column_z=7", &["column_x", "column_z"]),

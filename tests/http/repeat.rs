@@ -1,13 +1,12 @@
 //! `Idempotency-Key`: what is sent again happens once.
 
-mod support;
-
 use std::sync::Arc;
 
+use crate::on_each_backend;
+use crate::support::{Reply, Server, small};
 use firn::config::BackendChoice;
 use reqwest::Method;
 use serde_json::{Value, json};
-use support::{Reply, Server, small};
 
 on_each_backend!(repeats_get_the_first_answer_and_change_nothing);
 

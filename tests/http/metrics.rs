@@ -1,9 +1,8 @@
 //! What the server says about itself.
 
-mod support;
-
+use crate::on_each_backend;
+use crate::support::Server;
 use firn::config::BackendChoice;
-use support::Server;
 
 on_each_backend!(what_happens_is_counted);
 
@@ -23,7 +22,7 @@ async fn what_happens_is_counted(backend: BackendChoice) {
     assert_eq!(value(&before, "firn_engine_healthy"), Some(1.0));
     assert_eq!(value(&before, r#"firn_streams_ended_total{cause="too_slow"}"#), Some(0.0));
 
-    let session = server.create(support::small()).await;
+    let session = server.create(crate::support::small()).await;
     server.get(&session).await.expect(200);
     server.get("/v1/sessions/nobody").await.problem(404);
     let after = String::from_utf8(server.get("/metrics").await.body).unwrap();

@@ -1,11 +1,9 @@
 //! Pictures over HTTP: decoded, and their colours compared with the values that `cells` tells.
 
-mod support;
-
+use crate::support::{Reply, Server};
 use firn::config::BackendChoice;
 use firn::render::{Area, Field, Layout, Picture, Scale, View};
 use serde_json::{Value, json};
-use support::{Reply, Server};
 
 /// Makes a test of each function that needs an adapter to draw with, whatever the snow lives on.
 macro_rules! drawn {
@@ -14,7 +12,7 @@ macro_rules! drawn {
             $(
                 #[tokio::test(flavor = "multi_thread")]
                 async fn $name() {
-                    if super::support::skips_gpu() {
+                    if crate::support::skips_gpu() {
                         eprintln!("SKIPPED: FIRN_SKIP_GPU_TESTS=1");
                         return;
                     }

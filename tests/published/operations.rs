@@ -1,14 +1,12 @@
 //! `docs/operations.md` and `deploy/` speak of the options and metrics that there are.
 
-mod support;
-
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
+use crate::support::Server;
 use firn::cli::configuration;
 use firn::config::BackendChoice;
-use support::Server;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 

@@ -1,13 +1,12 @@
 //! The load tool against a real server.
 
-mod support;
-
 use std::process::{Output, Stdio};
 use std::time::Duration;
 
+use crate::on_each_backend;
+use crate::support::Server;
 use firn::config::BackendChoice;
 use serde_json::Value;
-use support::Server;
 use tokio::process::Command;
 
 on_each_backend!(a_run_is_reported, stalled_clients_catch_up, an_interrupted_run_cleans_up);

@@ -1,10 +1,8 @@
 //! Web pages of others can't reach the server through somebody's browser.
 
-mod support;
-
+use crate::support::{Options, Server, small};
 use firn::config::{AccessConfig, BackendChoice};
 use reqwest::Method;
-use support::{Options, Server, small};
 
 const PAGE: &str = "https://game.example";
 

@@ -1,10 +1,9 @@
 //! Probes over HTTP: they foretell what colliders do, and name what can't be answered.
 
-mod support;
-
+use crate::on_each_backend;
+use crate::support::Server;
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
-use support::Server;
 
 on_each_backend!(
     probes_foretell_how_deep_colliders_sink,
@@ -95,7 +94,7 @@ async fn a_probe_leaves_other_objects_and_the_snow_alone(backend: BackendChoice)
 
 async fn snow_carries_up_to_its_hardness(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    let session = server.create(support::small()).await;
+    let session = server.create(crate::support::small()).await;
     let region = json!({"x": 0, "z": 0, "width": 1.0, "depth": 1.4});
     let bare = json!({"depth": 0, "region": region});
     server.post(&format!("{session}/clearings"), bare).await.expect(200);
@@ -115,7 +114,7 @@ async fn snow_carries_up_to_its_hardness(backend: BackendChoice) {
 
 async fn bad_probes_are_refused_by_name(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    let session = server.create(support::small()).await;
+    let session = server.create(crate::support::small()).await;
     let good = json!({"x": 2.0, "z": 1.4, "mass": 1e9, "area": 1e-6});
     let path = format!("{session}/probes");
     let pointers = async |body: Value| server.post(&path, body).await.pointers(422);
