@@ -1,79 +1,153 @@
-// Compacts the cells of listed tiles: a workgroup for each tile, its threads striding over the
-// cells. Stress is constant meanwhile, so all cycles of a run go in registers. A tile in which the
-// last cycle changed no quantum goes to rest. The twin of Compaction in src/snow/column.rs.
+// Compacts the cells of listed tiles: a workgroup for each tile, a thread for four neighbouring
+// cells at a time, its slots 8 apart. Stress is constant meanwhile, so all cycles of a run go in
+// registers. A tile in which the last cycle changed no quantum goes to rest. The twin of Compaction
+// in src/snow/column.rs.
 
 @group(0) @binding(0) var<uniform> work: Pass;
 @group(0) @binding(1) var<storage, read> sessions: array<Session>;
 @group(0) @binding(2) var<storage, read> runs: array<Run>;
 @group(0) @binding(3) var<storage, read> tiles: array<Tile>;
 @group(0) @binding(4) var<storage, read_write> states: array<atomic<u32>>;
-@group(0) @binding(5) var<storage, read> tops: array<u32>;
+// Four columns at a time, as the cells.
+@group(0) @binding(5) var<storage, read> filled: array<vec4<u32>>;
 @group(0) @binding(6) var<storage, read_write> heights: array<u32>;
 @group(0) @binding(7) var<storage, read_write> tallies: array<Tally>;
-// The list of tiles: its length, then the tiles.
+// Lists of tiles, and a word with the length of each.
 @group(0) @binding(8) var<storage, read> due: array<u32>;
-@group(0) @binding(9) var<storage, read> mass: array<u32>;
-@group(0) @binding(10) var<storage, read_write> thickness: array<u32>;
-@group(0) @binding(11) var<storage, read> temperature: array<f32>;
-@group(0) @binding(12) var<storage, read> stress: array<f32>;
+@group(0) @binding(9) var<storage, read> mass: array<vec4<u32>>;
+@group(0) @binding(10) var<storage, read_write> thickness: array<vec4<u32>>;
+@group(0) @binding(11) var<storage, read> temperature: array<vec4<f32>>;
+@group(0) @binding(12) var<storage, read> stress: array<vec4<f32>>;
 
-const THREADS: u32 = 256u;
+// Groups of four columns in a tile.
+const GROUPS: u32 = TILE_COLUMNS / 4u;
+// Slots that a workgroup works on at a time.
+const SLOTS: u32 = 8u;
+
+// Four neighbouring cells.
+struct Cells {
+    mass: vec4<u32>,
+    thickness: vec4<u32>,
+    temperature: vec4<f32>,
+    stress: vec4<f32>,
+}
+
+// Their thickness after a run, and the cycles in which one of them changed.
+struct Compacted {
+    thickness: vec4<u32>,
+    cycles: u32,
+}
 
 var<workgroup> lost: array<atomic<u32>, 64>;
 var<workgroup> last_change: atomic<u32>;
 
-@compute @workgroup_size(256)
+fn load(i: u32) -> Cells {
+    return Cells(mass[i], thickness[i], temperature[i], stress[i]);
+}
+
+// A cycle of cells of some hardness; returns their thickness after it.
+fn cycle_once(
+    session: Session,
+    rate: f32,
+    excess: vec4<f32>,
+    density: vec4<f32>,
+    d: vec4<f32>,
+    thinnest: vec4<f32>,
+) -> vec4<f32> {
+    return max(d - indent_of(session, rate, excess, density, d), thinnest);
+}
+
+fn compact_cells(session: Session, rate: f32, cycles: u32, cells: Cells) -> Compacted {
+    // An empty slot beside filled ones is a cell of one quantum without stress: it stays as it is.
+    let quanta = vec4<f32>(max(cells.mass, vec4(1u)));
+    let before = vec4<f32>(max(cells.thickness, vec4(1u)));
+    // The density that a cell would have in one quantum of thickness.
+    let content = quanta * session.density;
+    // As dense as snow gets, or as it is already.
+    let thinnest = max(min(ceil(quanta * session.densest), before), vec4(1.0));
+    var d = before;
+    var cycle = 0u;
+    // Two loops, so that the common one keeps little in registers: more of it run at a time.
+    if is_plain(session, content / before, cells.temperature) {
+        let strength = strength_at(session, cells.temperature);
+        for (; cycle < cycles; cycle++) {
+            let density = content / d;
+            let excess = cells.stress - evaluate(strength, density);
+            let next = cycle_once(session, rate, excess, density, d, thinnest);
+            if all(next == d) {
+                break;
+            }
+            d = next;
+        }
+    } else {
+        for (; cycle < cycles; cycle++) {
+            let density = content / d;
+            let excess = cells.stress - hardness(session, density, cells.temperature);
+            let next = cycle_once(session, rate, excess, density, d, thinnest);
+            if all(next == d) {
+                break;
+            }
+            d = next;
+        }
+    }
+    return Compacted(cells.thickness - vec4<u32>(before - d), cycle);
+}
+
+@compute @workgroup_size(128)
 fn compact(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
     let index = flat_index(group, groups);
-    if index >= due[work.first] {
+    let listed = due[work.length];
+    let tile = due[work.first + index];
+    if index >= listed {
         return;
     }
-    let tile = due[work.first + 1u + index];
     let row = tiles[tile];
+    let state = atomicLoad(&states[tile]);
+    let columns = thread % GROUPS;
+    let most = filled[tile * GROUPS + columns];
+    let end = max(max(most.x, most.y), max(most.z, most.w));
+
+    // The first cells are on their way while it is found out what is to be done with them.
+    var slot = thread / GROUPS;
+    var place = (row.row + slot) * GROUPS + columns;
+    var cells: Cells;
+    if slot < end {
+        cells = load(place);
+    }
     let session = sessions[row.session];
     let run = runs[row.session];
-    let awake = (atomicLoad(&states[tile]) & AWAKE) != 0u || run.always_awake != 0u;
+    let awake = (state & AWAKE) != 0u || run.always_awake != 0u;
     if !awake || work.cycle >= run.cycles {
         return;
     }
     let cycles = min(run.cycles - work.cycle, work.cycles);
 
-    let column = thread % TILE_COLUMNS;
-    let end = (row.row + tops[tile]) * TILE_COLUMNS;
     var last = 0u;
-    var shrunk = 0u;
-    for (var cell = row.row * TILE_COLUMNS + thread; cell < end; cell += THREADS) {
-        let quanta = mass[cell];
-        if quanta == 0u {
-            continue;
+    var shrunk = vec4(0u);
+    while slot < end {
+        let here = place;
+        let current = cells;
+        slot += SLOTS;
+        place += SLOTS * GROUPS;
+        if slot < end {
+            cells = load(place);
         }
-        let cell_mass = f32(quanta);
-        let cell_temperature = temperature[cell];
-        let sigma = stress[cell];
-        let before = thickness[cell];
-        let densest = u32(ceil(cell_mass * session.densest));
-        var d = before;
-        var cycle = 0u;
-        for (; cycle < cycles; cycle++) {
-            let x = indent_of(session, run.rate, cell_mass, f32(d), cell_temperature, sigma);
-            let next = max(d - x, max(min(densest, d), 1u));
-            if next == d {
-                break;
-            }
-            d = next;
-        }
-        if d != before {
-            thickness[cell] = d;
-            shrunk += before - d;
-            last = max(last, cycle);
+        let after = compact_cells(session, run.rate, cycles, current);
+        if after.cycles > 0u {
+            thickness[here] = after.thickness;
+            shrunk += current.thickness - after.thickness;
+            last = max(last, after.cycles);
         }
     }
-    if shrunk > 0u {
-        atomicAdd(&lost[column], shrunk);
+    if last > 0u {
+        atomicAdd(&lost[4u * columns], shrunk.x);
+        atomicAdd(&lost[4u * columns + 1u], shrunk.y);
+        atomicAdd(&lost[4u * columns + 2u], shrunk.z);
+        atomicAdd(&lost[4u * columns + 3u], shrunk.w);
         atomicMax(&last_change, last);
     }
     workgroupBarrier();

@@ -1,21 +1,25 @@
-// Packs the heights of the tiles that changed since the last publication, and counts the tiles that
-// are awake: a thread for each tile to look, then all threads of the workgroup to copy.
+// Packs the heights of the tiles that changed since the last publication, in the order of the tiles,
+// and counts the tiles that are awake: a workgroup for each group of 64 tiles, a thread for each
+// tile to look, then all threads to copy.
 
 @group(0) @binding(0) var<uniform> work: Pass;
 @group(0) @binding(1) var<storage, read> runs: array<Run>;
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
 @group(0) @binding(3) var<storage, read_write> states: array<atomic<u32>>;
-@group(0) @binding(4) var<storage, read> heights: array<u32>;
+// Four columns at a time.
+@group(0) @binding(4) var<storage, read> heights: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read_write> tallies: array<Tally>;
 // The number of tiles packed.
 @group(0) @binding(6) var<storage, read_write> packed_count: atomic<u32>;
-// For each tile its index and its heights.
-@group(0) @binding(7) var<storage, read_write> packed: array<u32>;
+@group(0) @binding(7) var<storage, read_write> packed_groups: array<PackedGroup>;
+// Heights of each packed tile, four columns at a time.
+@group(0) @binding(8) var<storage, read_write> packed: array<vec4<u32>>;
 
-const ENTRY: u32 = 1u + TILE_COLUMNS;
+const THREADS: u32 = 64u;
+// Vectors of heights in a tile.
+const VECTORS: u32 = TILE_COLUMNS / 4u;
 
-var<workgroup> dirty: array<u32, 64>;
-var<workgroup> dirty_count: atomic<u32>;
+var<workgroup> changed: array<atomic<u32>, 2>;
 var<workgroup> first: u32;
 
 @compute @workgroup_size(64)
@@ -24,8 +28,11 @@ fn publish(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let tile = flat_index(group, groups) * 64u + thread;
-    if tile < work.count {
+    // Groups are counted from the first that publishes.
+    let index = flat_index(group, groups);
+    let first_tile = (work.first + index) * THREADS;
+    let tile = first_tile + thread;
+    if index < work.count {
         let session = tiles[tile].session;
         if session != NONE && (runs[session].flags & PUBLISH) != 0u {
             let state = atomicAnd(&states[tile], ~DIRTY);
@@ -33,21 +40,28 @@ fn publish(
                 atomicAdd(&tallies[session].active_tiles, 1u);
             }
             if (state & DIRTY) != 0u {
-                dirty[atomicAdd(&dirty_count, 1u)] = tile;
+                atomicOr(&changed[thread / 32u], 1u << (thread % 32u));
             }
         }
     }
     workgroupBarrier();
-    let count = atomicLoad(&dirty_count);
-    if thread == 0u && count > 0u {
-        first = atomicAdd(&packed_count, count);
+    let mask = vec2(atomicLoad(&changed[0]), atomicLoad(&changed[1]));
+    let count = countOneBits(mask.x) + countOneBits(mask.y);
+    if thread == 0u && index < work.count {
+        if count > 0u {
+            first = atomicAdd(&packed_count, count);
+        }
+        packed_groups[index] = PackedGroup(mask.x, mask.y, first);
     }
     workgroupBarrier();
-    for (var i = 0u; i < count; i++) {
-        let entry = (first + i) * ENTRY;
-        if thread == 0u {
-            packed[entry] = dirty[i];
+    // 16 threads copy a tile.
+    for (var i = thread / VECTORS; i < 64u; i += THREADS / VECTORS) {
+        let bit = 1u << (i % 32u);
+        let half = select(mask.x, mask.y, i >= 32u);
+        if (half & bit) != 0u {
+            let before = countOneBits(half & (bit - 1u)) + select(0u, countOneBits(mask.x), i >= 32u);
+            packed[(first + before) * VECTORS + thread % VECTORS] =
+                heights[(first_tile + i) * VECTORS + thread % VECTORS];
         }
-        packed[entry + 1u + thread] = heights[dirty[i] * TILE_COLUMNS + thread];
     }
 }

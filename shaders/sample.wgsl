@@ -97,10 +97,12 @@ fn sample(
         let celsius = temperature[cell];
         let sigma = stress[cell];
         let density = quanta / f32(d) * session.density;
-        let strength = hardness(session, density, celsius);
+        // The law takes four cells at a time; here they are all the same.
+        let hard = hardness(session, vec4(density), vec4(celsius)).x;
         let stiffness = pow(density, session.stiffness_exponent);
         let load_stress = max(sigma - GRAVITY * (f32(above) * MASS_QUANTUM), 0.0);
-        let x = f32(indent_of(session, job.rate, quanta, f32(d), celsius, sigma)) * session.metres;
+        let excess = vec4(sigma - hard);
+        let x = indent_of(session, job.rate, excess, vec4(density), vec4(f32(d))).x * session.metres;
         above -= mass[cell];
         var left = d;
         while left > 0u {
@@ -110,7 +112,7 @@ fn sample(
             sums.fill += fill;
             sums.mass += part;
             sums.temperature += celsius * part;
-            sums.hardness += strength * fill;
+            sums.hardness += hard * fill;
             sums.stiffness += stiffness * fill;
             sums.stress += sigma * fill;
             sums.load_stress += load_stress * fill;

@@ -7,7 +7,7 @@
 @group(0) @binding(3) var<storage, read_write> states: array<atomic<u32>>;
 // For each page where its part of `due` begins.
 @group(0) @binding(4) var<storage, read> page_starts: array<u32>;
-// Each page's part of the list: its length, then the tiles.
+// A word for each page with the length of its list, then the lists.
 @group(0) @binding(5) var<storage, read_write> due: array<atomic<u32>>;
 // For each page the groups along x, y and z.
 @group(0) @binding(6) var<storage, read_write> arguments: array<atomic<u32>>;
@@ -35,7 +35,7 @@ fn is_due(tile: u32) -> bool {
 }
 
 fn reserve(page: u32, count: u32) -> u32 {
-    let first = atomicAdd(&due[page_starts[page]], count);
+    let first = atomicAdd(&due[page], count);
     let end = first + count;
     atomicMax(&arguments[page * 3u], min(end, ROW));
     atomicMax(&arguments[page * 3u + 1u], (end + ROW - 1u) / ROW);
@@ -71,9 +71,9 @@ fn schedule(
     }
     workgroupBarrier();
     if in_shared {
-        atomicStore(&due[page_starts[page] + 1u + shared_first + rank], tile);
+        atomicStore(&due[page_starts[page] + shared_first + rank], tile);
     } else if listed {
         let place = reserve(page, 1u);
-        atomicStore(&due[page_starts[page] + 1u + place], tile);
+        atomicStore(&due[page_starts[page] + place], tile);
     }
 }

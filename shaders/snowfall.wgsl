@@ -6,22 +6,19 @@
 @group(0) @binding(1) var<storage, read> sessions: array<Session>;
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
 @group(0) @binding(3) var<storage, read_write> states: array<atomic<u32>>;
-@group(0) @binding(4) var<storage, read_write> tops: array<u32>;
-@group(0) @binding(5) var<storage, read_write> heights: array<u32>;
-@group(0) @binding(6) var<storage, read_write> filled: array<u32>;
-@group(0) @binding(7) var<storage, read> edit_jobs: array<EditJob>;
-@group(0) @binding(8) var<storage, read> operations: array<Operation>;
-@group(0) @binding(9) var<storage, read_write> operation_results: array<OperationResult>;
-@group(0) @binding(10) var<storage, read_write> mass: array<u32>;
-@group(0) @binding(11) var<storage, read_write> thickness: array<u32>;
-@group(0) @binding(12) var<storage, read_write> temperature: array<f32>;
-@group(0) @binding(13) var<storage, read_write> stress: array<f32>;
+@group(0) @binding(4) var<storage, read_write> heights: array<u32>;
+@group(0) @binding(5) var<storage, read_write> filled: array<u32>;
+@group(0) @binding(6) var<storage, read> edit_jobs: array<EditJob>;
+@group(0) @binding(7) var<storage, read> operations: array<Operation>;
+@group(0) @binding(8) var<storage, read_write> operation_results: array<OperationResult>;
+@group(0) @binding(9) var<storage, read_write> mass: array<u32>;
+@group(0) @binding(10) var<storage, read_write> thickness: array<u32>;
+@group(0) @binding(11) var<storage, read_write> temperature: array<f32>;
+@group(0) @binding(12) var<storage, read_write> stress: array<f32>;
 
 const DEPOSIT: u32 = 0u;
 // Largest difference in temperature at which fresh snow tops up the cell below [degrees C].
 const TOP_UP_TEMPERATURE: f32 = 0.25;
-
-var<workgroup> top: atomic<u32>;
 
 // A piece of snow.
 struct Cell {
@@ -321,10 +318,7 @@ fn snowfall(
     }
     filled[place] = column.cells;
     heights[place] = height;
-    atomicMax(&top, column.cells);
-    workgroupBarrier();
     if thread == 0u {
-        tops[job.tile] = atomicLoad(&top);
         atomicOr(&states[job.tile], AWAKE | DIRTY);
     }
 }

@@ -2,7 +2,7 @@
 
 @group(0) @binding(0) var<uniform> work: Pass;
 @group(0) @binding(1) var<storage, read> tiles: array<Tile>;
-@group(0) @binding(2) var<storage, read> tops: array<u32>;
+@group(0) @binding(2) var<storage, read> filled: array<u32>;
 @group(0) @binding(3) var<storage, read_write> tallies: array<Tally>;
 @group(0) @binding(4) var<storage, read> mass: array<u32>;
 
@@ -23,7 +23,8 @@ fn tally(
     }
     // A column's mass fits 32 bits.
     var sum = 0u;
-    for (var slot = 0u; slot < tops[tile]; slot++) {
+    let cells = filled[tile * TILE_COLUMNS + column];
+    for (var slot = 0u; slot < cells; slot++) {
         sum += mass[(row.row + slot) * TILE_COLUMNS + column];
     }
     if sum > 0u {

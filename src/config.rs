@@ -1,6 +1,9 @@
 //! Configuration: one struct per concern, each field a flag with its environment variable.
 
+mod access;
+
 use std::net::SocketAddr;
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -9,6 +12,8 @@ use clap::{Args, ValueEnum};
 
 use crate::session::Limits;
 
+pub use access::{AccessConfig, ApiKey, ConnectionConfig};
+
 /// Where the server listens.
 #[derive(Args, Clone, Debug)]
 pub struct ListenConfig {
@@ -16,8 +21,8 @@ pub struct ListenConfig {
     #[arg(long, env = "FIRN_LISTEN", default_value = "127.0.0.1:8080", value_name = "ADDRESS")]
     pub listen: SocketAddr,
 
-    /// Allow an address that other machines can reach, although everybody who reaches it may do
-    /// everything.
+    /// Allow an address that other machines can reach without an API key, although everybody who
+    /// reaches it may do everything.
     #[arg(long, env = "FIRN_ALLOW_OPEN", value_parser = FalseyValueParser::new())]
     pub allow_open: bool,
 }
@@ -103,10 +108,9 @@ pub struct StreamConfig {
         long,
         env = "FIRN_STREAM_COMMANDS_PER_SECOND",
         default_value_t = COMMANDS_PER_SECOND,
-        value_parser = clap::value_parser!(u32).range(1..),
         value_name = "N"
     )]
-    pub stream_commands_per_second: u32,
+    pub stream_commands_per_second: NonZeroU32,
 
     /// Time that a client has to hear why its stream is closed.
     #[arg(skip = FAREWELL)]
@@ -114,7 +118,7 @@ pub struct StreamConfig {
 }
 
 /// Twice as many as 200 objects take that are each moved 60 times a second.
-const COMMANDS_PER_SECOND: u32 = 24_000;
+const COMMANDS_PER_SECOND: NonZeroU32 = NonZeroU32::new(24_000).expect("not zero");
 const FAREWELL: Duration = Duration::from_secs(2);
 
 impl Default for StreamConfig {

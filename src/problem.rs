@@ -9,6 +9,9 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use crate::diagram::ChartError;
+use crate::engine::frame::EngineError;
+use crate::render::RenderError;
 use crate::session::{Invalid, SessionError};
 
 pub use json::parse;
@@ -69,6 +72,16 @@ impl Problem {
         Problem::new(StatusCode::BAD_REQUEST, "malformed", "The request can't be read", detail)
     }
 
+    /// 401: a token is missing, or is none that this server knows.
+    pub fn unauthorized(detail: impl Into<String>) -> Problem {
+        Problem::new(StatusCode::UNAUTHORIZED, "unauthorized", "A token is needed", detail)
+    }
+
+    /// 403: known, but not allowed.
+    pub fn forbidden(detail: impl Into<String>) -> Problem {
+        Problem::new(StatusCode::FORBIDDEN, "forbidden", "Not allowed", detail)
+    }
+
     /// 404: there is no such thing.
     pub fn not_found(detail: impl Into<String>) -> Problem {
         Problem::new(StatusCode::NOT_FOUND, "not-found", "Not found", detail)
@@ -102,6 +115,12 @@ impl Problem {
         Problem::new(status, "unsupported-media-type", "Unsupported media type", detail)
     }
 
+    /// 421: the request was meant for another server.
+    pub fn misdirected(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::MISDIRECTED_REQUEST;
+        Problem::new(status, "misdirected", "Meant for another server", detail)
+    }
+
     /// 422: fields are invalid, unknown, missing or beyond a limit of a session.
     pub fn invalid(errors: Vec<FieldError>) -> Problem {
         let detail = match errors.as_slice() {
@@ -118,9 +137,33 @@ impl Problem {
         Problem::invalid(vec![FieldError { pointer: pointer.into(), detail: detail.into() }])
     }
 
+    /// 429: more requests than are taken; try again after some seconds.
+    pub fn too_many_requests(detail: impl Into<String>, seconds: u32) -> Problem {
+        let status = StatusCode::TOO_MANY_REQUESTS;
+        Problem::new(status, "too-many-requests", "Too many requests", detail).retry_after(seconds)
+    }
+
     /// 500: handling the request failed inside the server.
     pub fn internal(detail: impl Into<String>) -> Problem {
         Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "Internal error", detail)
+    }
+
+    /// 501: this server can't do it, whatever is asked.
+    pub fn not_implemented(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::NOT_IMPLEMENTED;
+        Problem::new(status, "not-implemented", "Not possible on this server", detail)
+    }
+
+    /// 507: the device's memory is full.
+    pub fn out_of_memory(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::INSUFFICIENT_STORAGE;
+        Problem::new(status, "out-of-memory", "Device memory is full", detail)
+    }
+
+    /// 507: what was asked for can't be stored.
+    pub fn storage_failed(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::INSUFFICIENT_STORAGE;
+        Problem::new(status, "storage-failed", "Changes can't be stored", detail)
     }
 
     /// 503: not ready, stopping, or too slow just now.
@@ -143,6 +186,7 @@ impl From<SessionError> for Problem {
         match error {
             SessionError::NotFound { .. } => Problem::not_found(detail),
             SessionError::Conflict(_) => Problem::conflict(detail),
+            SessionError::Forbidden(_) => Problem::forbidden(detail),
             SessionError::Invalid(fields) => {
                 Problem::invalid(fields.into_iter().map(FieldError::from).collect())
             }
@@ -151,17 +195,31 @@ impl From<SessionError> for Problem {
                 Problem::new(status, "server-full", "The server is full", detail)
                     .retry_after(RETRY_WHEN_FULL)
             }
-            SessionError::OutOfMemory(_) => {
-                let status = StatusCode::INSUFFICIENT_STORAGE;
-                Problem::new(status, "out-of-memory", "Device memory is full", detail)
-            }
-            SessionError::StorageFailed(_) => {
-                let status = StatusCode::INSUFFICIENT_STORAGE;
-                Problem::new(status, "storage-failed", "Changes can't be stored", detail)
-            }
+            SessionError::OutOfMemory(_) => Problem::out_of_memory(detail),
+            SessionError::StorageFailed(_) => Problem::storage_failed(detail),
             SessionError::Unavailable(_) => Problem::unavailable(detail),
             SessionError::Internal(_) => Problem::internal(detail),
         }
+    }
+}
+
+impl From<RenderError> for Problem {
+    fn from(error: RenderError) -> Problem {
+        let detail = error.to_string();
+        match error {
+            RenderError::Busy => Problem::unavailable(detail),
+            RenderError::Engine(EngineError::NoAdapter(_)) => Problem::not_implemented(detail),
+            RenderError::Engine(EngineError::OutOfMemory(_)) => Problem::out_of_memory(detail),
+            RenderError::Engine(EngineError::DeviceFailed(_))
+            | RenderError::Panicked
+            | RenderError::Encoding(_) => Problem::internal(detail),
+        }
+    }
+}
+
+impl From<ChartError> for Problem {
+    fn from(error: ChartError) -> Problem {
+        Problem::internal(error.to_string())
     }
 }
 
@@ -174,6 +232,10 @@ impl IntoResponse for Problem {
         if let Some(seconds) = self.retry_after {
             response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }
+        if status == StatusCode::UNAUTHORIZED {
+            let scheme = HeaderValue::from_static("Bearer realm=\"firn\"");
+            response.headers_mut().insert(header::WWW_AUTHENTICATE, scheme);
+        }
         response
     }
 }
@@ -185,6 +247,7 @@ mod tests {
     #[test]
     fn each_session_error_has_its_status() {
         let cases = [
+            (SessionError::Forbidden(String::new()), 403),
             (SessionError::NotFound { kind: "session", id: "a".into() }, 404),
             (SessionError::Conflict(String::new()), 409),
             (SessionError::Invalid(Vec::new()), 422),

@@ -146,6 +146,13 @@ struct OperationResult {
     high: atomic<u32>,
 }
 
+// Which tiles of 64 neighbours are packed for publication, and where the first of them is.
+struct PackedGroup {
+    changed_low: u32,
+    changed_high: u32,
+    first: u32,
+}
+
 // A box of the fixed grid that is asked for.
 struct SampleJob {
     session: u32,
@@ -188,7 +195,9 @@ struct Pass {
     page: u32,
     // Not 0 right after an edit, when nothing may be skipped.
     edited: u32,
-    padding: vec2<u32>,
+    // Where the length of a list of tiles stands.
+    length: u32,
+    padding: u32,
 }
 
 // Index of a workgroup in a dispatch of two dimensions.

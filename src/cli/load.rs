@@ -7,6 +7,7 @@ use clap::Args;
 use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
 use tokio_util::sync::CancellationToken;
 
+use crate::config::ApiKey;
 use crate::load::{self, Extent, Plan, Progress, Protocol, Report};
 
 use super::Failure;
@@ -37,6 +38,9 @@ pub struct Options {
     /// The server; only http, without TLS.
     #[arg(long, default_value = "http://127.0.0.1:8080")]
     url: String,
+    /// The server's API key, where it asks for one.
+    #[arg(long, env = "FIRN_API_KEY", hide_env_values = true, value_name = "KEY")]
+    api_key: Option<ApiKey>,
     /// How clients are told heights.
     #[arg(long, default_value = "json")]
     protocol: Protocol,
@@ -90,6 +94,7 @@ impl Options {
         }
         Ok(Plan {
             url: self.url.clone(),
+            api_key: self.api_key.clone(),
             protocol: self.protocol,
             sessions: self.sessions,
             clients: self.clients,

@@ -1,5 +1,7 @@
 //! The command line: one file per subcommand.
 
+mod bench;
+pub mod configuration;
 mod demo;
 mod experiment;
 mod load;
@@ -43,8 +45,17 @@ enum Command {
     /// deletes the sessions again, on Ctrl-C too. See below for what the figures mean.
     #[command(after_help = load::NOTES)]
     Load(load::Options),
+    /// Measure what snow costs on this machine's device
+    ///
+    /// Runs the engine that serves snowpacks, and beside it the layout of the thesis that the model
+    /// comes from. See below for what the figures mean.
+    #[command(after_help = bench::NOTES)]
+    Bench(bench::Options),
     /// Print the OpenAPI document of the REST interface
     Openapi,
+    /// Print the options of `serve` as a Markdown table, for docs/operations.md
+    #[command(hide = true)]
+    Configuration,
 }
 
 /// Why a command did not succeed.
@@ -62,7 +73,9 @@ pub fn run() -> ExitCode {
         Command::Serve(options) => serve::run(&options),
         Command::Experiment(options) => experiment::run(&options),
         Command::Load(options) => load::run(&options),
+        Command::Bench(options) => bench::run(&options),
         Command::Openapi => openapi::run(),
+        Command::Configuration => configuration::run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -11,13 +11,14 @@ use tracing::{info, warn};
 use tracing_subscriber::EnvFilter;
 
 use crate::config::{
-    BackendChoice, EngineConfig, LimitsConfig, ListenConfig, LogConfig, RequestConfig, StoreConfig,
-    StreamConfig,
+    AccessConfig, BackendChoice, ConnectionConfig, EngineConfig, LimitsConfig, ListenConfig,
+    LogConfig, RequestConfig, StoreConfig, StreamConfig,
 };
 use crate::engine::cpu::CpuBackend;
 use crate::engine::frame::{Backend, EngineError};
 use crate::engine::gpu::GpuBackend;
-use crate::http::{self, App};
+use crate::http::{self, App, Gate};
+use crate::open_files;
 use crate::session::{Durability, SessionError, Sessions, World, WorldConfig};
 use crate::store::{Ephemeral, RedbStore, Store};
 
@@ -25,6 +26,9 @@ use super::{Failure, demo};
 
 /// Publications per second, beside those that requests ask for.
 const PUBLISH_RATE: f64 = 20.0;
+
+/// Open files that are needed beside one per connection.
+const OTHER_FILES: u64 = 64;
 
 /// Part of the drain timeout that is kept for saving sessions.
 const SAVING: f64 = 0.4;
@@ -36,6 +40,8 @@ Examples:
   firn serve --ephemeral                   keep nothing when it stops
   firn serve --backend cpu                 without a graphics device
   firn serve --listen 127.0.0.1:0          on a free port; the log says which
+  firn serve --listen [::]:8080 --api-key-file key --tls-cert cert.pem --tls-key key.pem
+                                           for other machines, which need the key
   firn serve --listen [::]:8080 --allow-open    for every machine that can reach this one";
 
 /// Options of `firn serve`.
@@ -43,6 +49,10 @@ Examples:
 pub struct Serve {
     #[command(flatten)]
     listen: ListenConfig,
+    #[command(flatten)]
+    access: AccessConfig,
+    #[command(flatten)]
+    connections: ConnectionConfig,
     #[command(flatten)]
     engine: EngineConfig,
     #[command(flatten)]
@@ -68,11 +78,17 @@ pub struct Serve {
 pub fn run(options: &Serve) -> Result<(), Failure> {
     start_log(&options.log)?;
     let address = options.listen.listen;
-    if !address.ip().is_loopback() && !options.listen.allow_open {
+    let gate = Gate::new(&options.access, options.connections.clone()).map_err(Failure::Usage)?;
+    if gate.access.is_open() && !address.ip().is_loopback() && !options.listen.allow_open {
         return Err(Failure::Usage(format!(
-            "other machines can reach {address}, and everybody who does may do everything; add \
-             --allow-open if that is intended, or listen on 127.0.0.1"
+            "other machines can reach {address}, and without an API key everybody who does may do \
+             everything; give --api-key-file, or --allow-open if that is intended, or listen on \
+             127.0.0.1"
         )));
+    }
+    if let Err(error) = open_files::allow(options.connections.max_connections as u64 + OTHER_FILES)
+    {
+        warn!("not as many connections as --max-connections: {error}");
     }
     let failed = |what: &str, error: std::io::Error| Failure::Failed(format!("{what}: {error}"));
     let runtime =
@@ -88,8 +104,7 @@ pub fn run(options: &Serve) -> Result<(), Failure> {
     let (sessions, world) =
         World::open(Box::new(move || open_backend(&engine)), config, durability)
             .map_err(|error| Failure::Failed(error.to_string()))?;
-    let shutdown = CancellationToken::new();
-    let (served, deadline) = runtime.block_on(serve(options, listener, sessions, &shutdown));
+    let (served, deadline) = runtime.block_on(serve(options, listener, sessions, gate));
     world.stop_by(deadline.into_std());
     info!("stopped");
     served
@@ -100,16 +115,17 @@ async fn serve(
     options: &Serve,
     listener: TcpListener,
     sessions: Sessions,
-    shutdown: &CancellationToken,
+    gate: Gate,
 ) -> (Result<(), Failure>, Instant) {
-    if let Err(failure) = introduce(options, &listener, &sessions) {
+    if let Err(failure) = introduce(options, &listener, &sessions, &gate) {
         return (Err(failure), Instant::now());
     }
+    let shutdown = CancellationToken::new();
     let signals = tokio::spawn(stop_on_signal(shutdown.clone()));
     if options.demo {
         tokio::spawn(make_demo(sessions.clone()));
     }
-    let app = App { stream: options.stream, ..App::new(sessions.clone(), options.requests) };
+    let app = App::new(sessions.clone(), options.requests, options.stream, gate);
     let patience = options.store.drain_timeout;
     let serving = http::run(listener, app, shutdown.clone());
     let draining = async {
@@ -132,21 +148,33 @@ async fn serve(
 }
 
 /// Says where the server listens and on what it runs.
-fn introduce(options: &Serve, listener: &TcpListener, sessions: &Sessions) -> Result<(), Failure> {
+fn introduce(
+    options: &Serve,
+    listener: &TcpListener,
+    sessions: &Sessions,
+    gate: &Gate,
+) -> Result<(), Failure> {
     let address = listener
         .local_addr()
         .map_err(|error| Failure::Failed(format!("the address listened on: {error}")))?;
     let device = sessions.device();
+    let scheme = if gate.tls.is_some() { "https" } else { "http" };
+    if !gate.access.is_open() && gate.tls.is_none() && !address.ip().is_loopback() {
+        warn!("tokens can be read on their way: --tls-cert or a proxy with TLS keeps them secret");
+    }
     info!(
         adapter = device.adapter,
         backend = device.backend,
-        auth = "open",
-        "listening on http://{address}"
+        auth = if gate.access.is_open() { "open" } else { "required" },
+        "listening on {scheme}://{address}"
     );
     if options.store.ephemeral {
         info!("sessions live in memory only: they are gone when the server stops");
     } else {
         info!("sessions are kept in {}", options.store.data_dir.display());
+    }
+    if options.demo {
+        info!("the session 'demo' is at {scheme}://{address}/v1/sessions/demo");
     }
     Ok(())
 }
@@ -157,7 +185,7 @@ async fn make_demo(sessions: Sessions) {
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     match demo::create(&sessions).await {
-        Ok(()) | Err(SessionError::Conflict(_)) => info!("there is a session 'demo'"),
+        Ok(()) | Err(SessionError::Conflict(_)) => {}
         Err(error) => warn!("the session 'demo' could not be made: {error}"),
     }
 }

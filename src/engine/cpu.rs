@@ -5,9 +5,10 @@ use std::collections::{HashMap, VecDeque};
 use std::time::Duration;
 
 use super::frame::{
-    Backend, DeviceInfo, Edit, EngineError, Frame, Layout, Outcome, Slot, TileCells, TileHeights,
-    Work, WorkOutcome,
+    Backend, DeviceInfo, Edit, EngineError, Frame, Layout, Outcome, Slot, TileCells, Work,
+    WorkOutcome,
 };
+use super::published::{Published, TileColumns};
 use crate::snow::{Column, Grid, Snowpack, TILE_COLUMNS};
 
 /// Bytes of a slot's mass, thickness, temperature and stress.
@@ -30,6 +31,15 @@ pub struct CpuBackend {
     lost: bool,
 }
 
+/// Tiles of the snowpacks that publish in a frame.
+#[derive(Debug, Default)]
+struct Tiles {
+    /// How many have been numbered.
+    numbered: u32,
+    /// Those that changed, by their numbers.
+    changed: Vec<(u32, TileColumns)>,
+}
+
 impl CpuBackend {
     /// A backend without snowpacks, which holds no more than `memory_budget` bytes of them, and
     /// which lets no tile sleep where they are to be `always_awake`.
@@ -46,11 +56,7 @@ impl CpuBackend {
     }
 
     /// Carries out one snowpack's part of a frame.
-    fn work(
-        &mut self,
-        work: Work,
-        tiles: &mut Vec<TileHeights>,
-    ) -> Result<WorkOutcome, EngineError> {
+    fn work(&mut self, work: Work, tiles: &mut Tiles) -> Result<WorkOutcome, EngineError> {
         let slot = work.slot;
         let snowpack = self.snowpacks.get_mut(&slot).ok_or_else(|| {
             EngineError::DeviceFailed(format!("a frame has work for slot {slot}, which is empty"))
@@ -82,8 +88,10 @@ impl CpuBackend {
         if work.publish {
             outcome.active_tiles = snowpack.active_tiles();
             outcome.contacts = snowpack.contacts().map(|(id, c)| (id.clone(), *c)).collect();
-            let changed = snowpack.take_dirty();
-            tiles.extend(changed.map(|(tile, heights)| TileHeights { slot, tile, heights }));
+            let first = tiles.numbered;
+            tiles.numbered += snowpack.grid().tiles();
+            outcome.tiles = first..tiles.numbered;
+            tiles.changed.extend(snowpack.take_dirty().map(|(tile, h)| (first + tile, h)));
         }
         if work.tally {
             outcome.mass = snowpack.mass();
@@ -134,10 +142,12 @@ impl Backend for CpuBackend {
             return Err(EngineError::DeviceFailed("the device was lost".to_owned()));
         }
         let mut outcome = Outcome::default();
+        let mut tiles = Tiles::default();
         for work in frame.work {
-            let done = self.work(work, &mut outcome.tiles)?;
+            let done = self.work(work, &mut tiles)?;
             outcome.work.push(done);
         }
+        outcome.published = Published::from_tiles(tiles.changed.into_iter());
         self.outcomes.push_back(outcome);
         Ok(())
     }
@@ -243,16 +253,16 @@ mod tests {
             "one cell of each column is refused, one cleared"
         );
         assert_eq!((own.slot, own.mass, own.last_change), (3, 6 << 20, 0));
-        let tiles: Vec<u32> = done.tiles.iter().map(|tile| tile.tile).collect();
-        assert_eq!(tiles, [0, 1], "a new snowpack is reported whole");
-        assert_eq!(done.tiles[1].heights[8], 3 * CELL);
+        let tiles: Vec<_> = done.published.tiles(own.tiles.clone()).collect();
+        assert_eq!(tiles.len(), 2, "a new snowpack is reported whole");
+        assert_eq!((tiles[1].0, tiles[1].1[8]), (1, 3 * CELL));
         let cells = &own.gathered[0];
         assert_eq!(cells.mass.len(), 4 * 64);
         assert_eq!([0, 8, 72, 136, 200].map(|i| cells.mass[i]), [0, 1 << 20, 1 << 20, 1 << 20, 0]);
         assert!((cells.stress[8] - 3.0 * 39.24).abs() < 0.01);
 
         let idle = outcome(&mut backend, Work { slot: 3, publish: true, ..Work::default() });
-        assert!(idle.tiles.is_empty(), "nothing has changed since");
+        assert!(idle.published.count() == 0, "nothing has changed since");
         assert!(backend.poll(Duration::ZERO).expect("nothing fails").is_none());
     }
 

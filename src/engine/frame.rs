@@ -2,9 +2,11 @@
 //!
 //! A frame is plain data, so that the GPU and the CPU backends do the same work for the same frame.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::published::Published;
 use crate::snow::{Cell, ColumnRect, Contact, Footprint, Grid, Material, Sample, TILE_COLUMNS};
 
 /// A snowpack's row in the backend's tables.
@@ -142,12 +144,12 @@ pub struct Placement {
 }
 
 /// What a frame did.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct Outcome {
     /// One entry for each entry of the frame's `work`, in its order.
     pub work: Vec<WorkOutcome>,
     /// Heights of the tiles that changed, of all snowpacks that published.
-    pub tiles: Vec<TileHeights>,
+    pub published: Published,
 }
 
 /// What one snowpack's part of a frame did.
@@ -159,6 +161,8 @@ pub struct WorkOutcome {
     pub edits: Vec<u64>,
     /// 1 + index of the last cycle of the run in which a cell changed; 0 where none did.
     pub last_change: u32,
+    /// Numbers of its tiles in the outcome's `published`; none where it did not publish.
+    pub tiles: Range<u32>,
     /// Tiles that are awake; counted where the snowpack published.
     pub active_tiles: u32,
     /// Mass quanta in all cells, where a tally was asked for.
@@ -169,17 +173,6 @@ pub struct WorkOutcome {
     pub gathered: Vec<TileCells>,
     /// The boxes in `samples`, in its order: x fastest, then y, then z.
     pub samples: Vec<Vec<Sample>>,
-}
-
-/// Column heights of one tile.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TileHeights {
-    /// The snowpack.
-    pub slot: Slot,
-    /// The tile's index in it.
-    pub tile: u32,
-    /// Heights in thickness quanta; 0 outside the grid.
-    pub heights: [u32; TILE_COLUMNS as usize],
 }
 
 /// All cells of one tile: index = slot · 64 + column, as in the arena.
@@ -222,7 +215,7 @@ impl TileCells {
 }
 
 /// The device a backend runs on.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DeviceInfo {
     /// Name of the adapter, or `cpu`.
     pub adapter: String,

@@ -4,3 +4,4 @@
 pub mod cpu;
 pub mod frame;
 pub mod gpu;
+pub mod published;

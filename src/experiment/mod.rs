@@ -2,10 +2,9 @@
 //!
 //! They run through the same sessions as everybody's, on whatever backend the world has. What is
 //! set up, how it is carried out, what the outcome is compared with, and how it is shown are kept
-//! apart: `setup`, `recording`, `outcome` and `reference`, then `table`, `csv`, `chart` and
+//! apart: `setup`, `recording`, `outcome` and `reference`, then `table`, `csv` and
 //! `figures`. `docs/experiments.md` discusses the results.
 
-mod chart;
 mod csv;
 mod figures;
 mod outcome;
@@ -17,6 +16,7 @@ mod table;
 
 use std::path::{Path, PathBuf};
 
+use crate::diagram::{ChartError, draw};
 use crate::session::{SessionError, Sessions};
 
 pub use reference::{Expected, Row};
@@ -30,13 +30,8 @@ pub enum ExperimentError {
     #[error(transparent)]
     Session(#[from] SessionError),
     /// A figure can't be drawn.
-    #[error("the figure '{figure}' can't be drawn: {why}")]
-    Figure {
-        /// Its title.
-        figure: String,
-        /// The drawing's own message.
-        why: String,
-    },
+    #[error(transparent)]
+    Figure(#[from] ChartError),
     /// A file can't be written.
     #[error("{}: {why}", path.display())]
     File {
@@ -83,7 +78,7 @@ pub fn write(study: &Study, directory: &Path) -> Result<Vec<PathBuf>, Experiment
         (format!("{}-heights.csv", study.name), csv::heights(study)),
     ];
     for (kind, chart) in figures::all(study) {
-        files.push((format!("{}-{kind}.svg", study.name), chart.draw()?));
+        files.push((format!("{}-{kind}.svg", study.name), draw(&[chart])?));
     }
     let mut written = Vec::new();
     for (name, content) in files {
@@ -92,14 +87,4 @@ pub fn write(study: &Study, directory: &Path) -> Result<Vec<PathBuf>, Experiment
         written.push(path);
     }
     Ok(written)
-}
-
-/// A number with a number of digits after the point, and a true minus sign.
-fn number(value: f64, digits: usize) -> String {
-    let text = format!("{value:.digits$}");
-    match text.strip_prefix('-') {
-        Some(rest) if rest.bytes().all(|b| b == b'0' || b == b'.') => rest.to_owned(),
-        Some(rest) => format!("−{rest}"),
-        None => text,
-    }
 }

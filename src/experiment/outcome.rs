@@ -2,11 +2,11 @@
 
 use crate::session::{ColumnView, LayerView, WeakLayerView};
 
-use super::number;
 use super::recording::{PlateRecord, Recording};
 use super::reference::{Expected, Row};
 use super::setup::Experiment;
 use super::study::{History, Profile, Study};
+use crate::diagram::number;
 
 /// Simulated time of the last state \[s\] of an experiment with one snowfall.
 const END: f64 = 120.0;

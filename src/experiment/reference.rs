@@ -1,7 +1,7 @@
 //! What an outcome is compared with: the thesis's figures, and those of an independent program in
 //! double precision, the oracle.
 
-use super::number;
+use crate::diagram::number;
 
 /// What the oracle says of a quantity.
 #[derive(Clone, Copy, Debug, PartialEq)]

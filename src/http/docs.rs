@@ -1,11 +1,18 @@
 //! The OpenAPI document, made from the handlers' annotations.
 
-use utoipa::openapi::{RefOr, Required};
+use utoipa::openapi::header::Header;
+use utoipa::openapi::path::{Operation, Parameter, ParameterBuilder, ParameterIn};
+use utoipa::openapi::schema::{ObjectBuilder, Type};
+use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
+use utoipa::openapi::{Content, PathItem, Ref, RefOr, Required, Response};
 use utoipa::{IntoParams, IntoResponses, OpenApi};
 
 use crate::problem::Problem;
 
-use super::router;
+use super::{repeat, router};
+
+/// Name of the way to say who one is.
+const BEARER: &str = "bearer";
 
 /// The OpenAPI document of the REST interface.
 pub fn document() -> utoipa::openapi::OpenApi {
@@ -15,7 +22,59 @@ pub fn document() -> utoipa::openapi::OpenApi {
     if let Some(RefOr::T(body)) = creation.and_then(|post| post.request_body.as_mut()) {
         body.required = Some(Required::False);
     }
+    for (path, item) in &mut document.paths.paths {
+        if path.starts_with("/v1/") {
+            operations(item).for_each(guarded);
+        }
+        if let Some(post) = item.post.as_mut().filter(|_| repeat::CALLS.contains(&path.as_str())) {
+            post.parameters.get_or_insert_default().push(RefOr::T(idempotency_key()));
+        }
+    }
+    let bearer = "The API key, or one of the session's tokens; an open server asks for none.";
+    let mut scheme = Http::new(HttpAuthScheme::Bearer);
+    scheme.description = Some(bearer.to_owned());
+    let components = document.components.get_or_insert_default();
+    components.add_security_scheme(BEARER, SecurityScheme::Http(scheme));
     document
+}
+
+fn operations(item: &mut PathItem) -> impl Iterator<Item = &mut Operation> {
+    let PathItem { get, put, post, delete, patch, .. } = item;
+    [get, put, post, delete, patch].into_iter().flatten()
+}
+
+/// Adds what the gate answers in front of every call under `/v1/`.
+fn guarded(operation: &mut Operation) {
+    operation.security = Some(vec![SecurityRequirement::new(BEARER, [] as [&str; 0])]);
+    let string = || ObjectBuilder::new().schema_type(Type::String).build();
+    let seconds = ObjectBuilder::new().schema_type(Type::Integer).build();
+    let problems = [
+        ("401", "No token, or an unknown one", Some(("WWW-Authenticate", Header::new(string())))),
+        ("403", "A viewer's token where more is needed, or a foreign `Origin`", None),
+        ("421", "A `Host` that is none of the server's names", None),
+        ("429", "Too many requests with this token", Some(("Retry-After", Header::new(seconds)))),
+    ];
+    for (status, description, header) in problems {
+        let content = Content::new(Some(Ref::from_schema_name("Problem")));
+        let mut response = Response::new(description);
+        response.content.insert("application/problem+json".to_owned(), RefOr::T(content));
+        response.headers.extend(header.map(|(name, header)| (name.to_owned(), RefOr::T(header))));
+        operation.responses.responses.entry(status.to_owned()).or_insert(RefOr::T(response));
+    }
+}
+
+fn idempotency_key() -> Parameter {
+    let key = ObjectBuilder::new().schema_type(Type::String);
+    ParameterBuilder::new()
+        .name("Idempotency-Key")
+        .parameter_in(ParameterIn::Header)
+        .required(Required::False)
+        .description(Some(
+            "The client's own name for this request. Sent again with it within 10 minutes, the \
+             request gets the first answer, with `Idempotent-Replayed: true`, and changes nothing.",
+        ))
+        .schema(Some(key.min_length(Some(1)).max_length(Some(255)).build()))
+        .build()
 }
 
 /// What the document says beside the calls.
@@ -60,6 +119,16 @@ pub struct ColliderPath {
     id: String,
     /// Name of the collider, `[A-Za-z0-9_-]{1,64}`.
     cid: String,
+}
+
+/// What a client may hold already.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "it only describes the parameter")]
+pub struct Held {
+    /// ETags of what the client holds, or `*`; compared weakly.
+    #[param(rename = "If-None-Match")]
+    if_none_match: Option<String>,
 }
 
 /// Problems of every call about a session.

@@ -65,11 +65,40 @@ impl Params {
         Some(value)
     }
 
+    /// Takes a whole number within a range that must be there.
+    pub fn required_whole(&mut self, name: &'static str, lowest: u32, highest: u32) -> Option<u32> {
+        if self.is_missing(name, "a whole number") {
+            return None;
+        }
+        self.whole(name, lowest, highest)
+    }
+
+    /// Takes a number within a range.
+    pub fn number(&mut self, name: &'static str, lowest: f32, highest: f32) -> Option<f32> {
+        let expected = format!("a number from {lowest} to {highest}");
+        let value = self.parsed(name, &expected)?;
+        if !(lowest..=highest).contains(&value) {
+            self.reject(name, format!("expected {expected}, found {value}"));
+            return None;
+        }
+        Some(value)
+    }
+
+    /// Takes one of some names.
+    pub fn choice<T: Copy>(&mut self, name: &'static str, known: &[(&str, T)]) -> Option<T> {
+        let text = self.text(name)?;
+        let found = known.iter().find(|(known, _)| *known == text).map(|(_, value)| *value);
+        if found.is_none() {
+            let known: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
+            let shown: String = text.chars().take(40).collect();
+            self.reject(name, format!("expected {}, found '{shown}'", known.join(", ")));
+        }
+        found
+    }
+
     /// Takes a finite number that must be there.
     pub fn required_number(&mut self, name: &'static str) -> Option<f64> {
-        if !self.left.iter().any(|(key, _)| key == name) {
-            self.known.push(name);
-            self.reject(name, "the parameter is missing; a number was expected");
+        if self.is_missing(name, "a number") {
             return None;
         }
         let value: f64 = self.parsed(name, "a number")?;
@@ -78,6 +107,15 @@ impl Params {
             return None;
         }
         Some(value)
+    }
+
+    fn is_missing(&mut self, name: &'static str, expected: &str) -> bool {
+        let missing = !self.left.iter().any(|(key, _)| key == name);
+        if missing {
+            self.known.push(name);
+            self.reject(name, format!("the parameter is missing; {expected} was expected"));
+        }
+        missing
     }
 
     /// Takes `true` or `false`.
@@ -115,7 +153,9 @@ mod tests {
 
     #[test]
     fn known_parameters_are_read() {
-        let mut params = params("width=4&surface=true&x=1.5e0");
+        let mut params = params("width=4&surface=true&x=1.5e0&zoom=2&axis=z");
+        assert_eq!(params.number("zoom", 0.1, 10.0), Some(2.0));
+        assert_eq!(params.choice("axis", &[("x", 0), ("z", 1)]), Some(1));
         assert_eq!(params.whole("width", 1, 10), Some(4));
         assert_eq!(params.whole("depth", 1, 10), None);
         assert_eq!(params.flag("surface"), Some(true));
@@ -133,5 +173,11 @@ mod tests {
         assert_eq!(params.required_number("z"), None);
         params.text("twice");
         assert_eq!(named(params), ["width", "depth", "surface", "x", "z", "twice", "stray"]);
+        let mut params = self::params("zoom=nan&yaw=400&axis=y");
+        assert_eq!(params.number("zoom", 0.1, 10.0), None);
+        assert_eq!(params.number("yaw", -360.0, 360.0), None);
+        assert_eq!(params.choice("axis", &[("x", 0), ("z", 1)]), None);
+        assert_eq!(params.required_whole("column_x", 0, 9), None);
+        assert_eq!(named(params), ["zoom", "yaw", "axis", "column_x"]);
     }
 }

@@ -1,41 +1,56 @@
 //! Every route, and the layers around them.
 
 use std::any::Any;
+use std::time::Instant;
 
 use axum::Router;
-use axum::extract::{DefaultBodyLimit, Request, State};
-use axum::http::{Method, Uri};
+use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};
+use axum::http::{Method, Uri, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::sensitive_headers::SetSensitiveRequestHeadersLayer;
 use tower_http::trace::{DefaultOnResponse, TraceLayer};
-use tracing::{Level, Span, error, info_span};
+use tracing::{Level, Span, debug_span, error};
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use crate::metrics;
 use crate::problem::Problem;
 use crate::stream;
 
 use super::docs::Document;
+use super::gate::{authorize, check_host, check_origin};
 use super::handlers::{
-    air_temperature, cells, clearings, colliders, columns, health, height, heights, mass, openapi,
-    probes, sessions, snapshots, snowfalls,
+    self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
+    openapi, probes, profile, render, sessions, snapshots, snowfalls, tokens,
 };
+use super::repeat::answer_once;
 use super::state::App;
+use super::{reference, viewer};
 
 /// The whole server.
 pub fn router(app: App) -> Router {
     let (timed, _) = timed_routes().split_for_parts();
     let (untimed, _) = untimed_routes().split_for_parts();
+    let (streams, _) = stream_routes().split_for_parts();
     let limit = middleware::from_fn_with_state(app.clone(), limit_time);
-    let routes = timed.layer(limit).merge(untimed);
+    let guard = middleware::from_fn_with_state(app.clone(), authorize);
+    // A request that is out of time is still carried out, and its repeat finds the answer.
+    let once = middleware::from_fn_with_state(app.clone(), answer_once);
+    let guarded = timed.route_layer(once).layer(limit).merge(untimed).route_layer(guard);
+    let pages = reference::routes().merge(viewer::routes());
+    let routes = guarded.merge(streams).merge(pages);
     dress(routes, &app).with_state(app)
 }
 
 /// Every documented route.
 pub fn routes() -> OpenApiRouter<App> {
-    OpenApiRouter::with_openapi(Document::openapi()).merge(timed_routes()).merge(untimed_routes())
+    OpenApiRouter::with_openapi(Document::openapi())
+        .merge(timed_routes())
+        .merge(untimed_routes())
+        .merge(stream_routes())
 }
 
 /// Routes that have to answer within the time limit of requests.
@@ -44,6 +59,7 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(sessions::create, sessions::list))
         .routes(routes!(sessions::get, sessions::patch, sessions::delete))
         .routes(routes!(sessions::reset))
+        .routes(routes!(tokens::create))
         .routes(routes!(snowfalls::create))
         .routes(routes!(clearings::create))
         .routes(routes!(air_temperature::put))
@@ -55,17 +71,25 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(columns::get))
         .routes(routes!(cells::get))
         .routes(routes!(mass::get))
+        .routes(routes!(render::get))
+        .routes(routes!(profile::get))
         .routes(routes!(snapshots::get))
         .routes(routes!(snapshots::digest))
         .routes(routes!(probes::create))
         .routes(routes!(health::livez))
         .routes(routes!(health::readyz))
+        .routes(routes!(handlers::metrics::get))
         .routes(routes!(openapi::get))
 }
 
 /// Routes that may take as long as they need.
 fn untimed_routes() -> OpenApiRouter<App> {
-    OpenApiRouter::default().routes(routes!(sessions::step)).routes(routes!(stream::stream))
+    OpenApiRouter::default().routes(routes!(sessions::step))
+}
+
+/// The stream asks for the token by itself: a browser has to be told in another way.
+fn stream_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::default().routes(routes!(stream::stream))
 }
 
 /// Puts what holds for every request around some routes.
@@ -73,17 +97,53 @@ fn dress(routes: Router<App>, app: &App) -> Router<App> {
     let trace = TraceLayer::new_for_http()
         .make_span_with(span)
         .on_response(DefaultOnResponse::new().level(Level::DEBUG));
-    routes
+    let routes = routes
         .fallback(unknown_path)
         .method_not_allowed_fallback(unknown_method)
         .layer(DefaultBodyLimit::max(app.requests.max_body_bytes))
+        .layer(middleware::from_fn_with_state(app.clone(), check_origin));
+    let routes = match app.gate.neighbours.cors() {
+        Some(cors) => routes.layer(cors),
+        None => routes,
+    };
+    routes
+        .layer(middleware::from_fn_with_state(app.clone(), check_host))
         .layer(CatchPanicLayer::custom(panicked))
+        .layer(middleware::from_fn_with_state(app.clone(), time))
         .layer(trace)
+        .layer(SetSensitiveRequestHeadersLayer::new([header::AUTHORIZATION]))
 }
 
-/// The query is left out: it may hold a token.
+/// Counts the request, and how long its answer takes.
+async fn time(State(app): State<App>, request: Request, next: Next) -> Response {
+    let begun = Instant::now();
+    let route = request.extensions().get::<MatchedPath>();
+    let route = route.map_or(String::new(), |path| path.as_str().to_owned());
+    let method = method_name(request.method());
+    let response = next.run(request).await;
+    let status = response.status().as_u16();
+    app.metrics.requests.answered(&metrics::Request { method, route, status }, begun.elapsed());
+    response
+}
+
+/// Methods that clients make up are one, so that they can't fill the memory.
+fn method_name(method: &Method) -> &'static str {
+    const KNOWN: [Method; 7] = [
+        Method::GET,
+        Method::POST,
+        Method::PUT,
+        Method::PATCH,
+        Method::DELETE,
+        Method::HEAD,
+        Method::OPTIONS,
+    ];
+    const NAMES: [&str; 7] = ["GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"];
+    KNOWN.iter().position(|known| known == method).map_or("other", |place| NAMES[place])
+}
+
+/// Made only where the log tells requests at all. The query is left out: it may hold a token.
 fn span(request: &Request) -> Span {
-    info_span!("request", method = %request.method(), path = request.uri().path())
+    debug_span!("request", method = %request.method(), path = request.uri().path())
 }
 
 async fn limit_time(State(app): State<App>, request: Request, next: Next) -> Response {
@@ -129,8 +189,9 @@ mod tests {
     use tower::ServiceExt;
 
     use super::*;
-    use crate::config::RequestConfig;
+    use crate::config::{RequestConfig, StreamConfig};
     use crate::engine::cpu::CpuBackend;
+    use crate::http::Gate;
     use crate::session::{Limits, World, WorldConfig};
 
     fn app() -> App {
@@ -140,11 +201,13 @@ mod tests {
         let (sessions, _world) =
             World::start(Box::new(CpuBackend::new(None, false)), config).unwrap();
         let request_timeout = Duration::from_millis(20);
-        App::new(sessions, RequestConfig { max_body_bytes: 64, request_timeout })
+        let requests = RequestConfig { max_body_bytes: 64, request_timeout };
+        App::new(sessions, requests, StreamConfig::default(), Gate::default())
     }
 
     async fn status(routes: Router<App>, app: &App) -> StatusCode {
-        let request = Request::get("/x").body(Body::empty()).unwrap();
+        let request =
+            Request::get("/x").header(header::HOST, "localhost").body(Body::empty()).unwrap();
         let router = dress(routes, app).with_state(app.clone());
         let response = router.oneshot(request).await.unwrap();
         assert_eq!(response.headers()["content-type"], "application/problem+json");

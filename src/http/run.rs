@@ -1,13 +1,16 @@
 //! Serves until told to stop, then lets everything under way come to its end.
 
 use std::io;
+use std::net::SocketAddr;
 use std::time::Duration;
 
-use axum::serve::ListenerExt;
+use axum_server::tls_rustls::RustlsAcceptor;
+use axum_server::{Handle, Server};
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
+use super::gate::Door;
 use super::router::router;
 use super::state::App;
 
@@ -20,38 +23,46 @@ const FAREWELL: Duration = Duration::from_secs(5);
 /// # Errors
 /// Where the listener fails.
 pub async fn run(listener: TcpListener, app: App, shutdown: CancellationToken) -> io::Result<()> {
-    let listener = listener.tap_io(|stream| {
-        // Small messages go out at once.
-        if let Err(failure) = stream.set_nodelay(true) {
-            debug!("no TCP_NODELAY: {failure}");
-        }
-    });
-    let draining = app.draining.clone();
-    let signal = {
-        let (shutdown, draining) = (shutdown.clone(), draining.clone());
+    let handle = Handle::new();
+    // A client that takes its answer in too slowly can't keep the server from stopping.
+    let patience = app.requests.request_timeout + FAREWELL;
+    let stopping = {
+        let (handle, draining) = (handle.clone(), app.draining.clone());
         async move {
             shutdown.cancelled().await;
             draining.cancel();
+            handle.graceful_shutdown(Some(patience));
         }
     };
-    let serving = axum::serve(listener, router(app.clone())).with_graceful_shutdown(signal);
-    // A client that takes its answer in too slowly can't keep the server from stopping.
-    let patience = app.requests.request_timeout + FAREWELL;
-    let deadline = async {
-        shutdown.cancelled().await;
-        tokio::time::sleep(patience).await;
-    };
-    let served = tokio::select! {
-        served = serving => served,
-        () = deadline => {
-            warn!("connections were still open after {} s; they are cut", patience.as_secs_f64());
-            Ok(())
-        }
-    };
-    draining.cancel();
+    let stopping = tokio::spawn(stopping);
+    let served = serve(listener, &app, handle.clone()).await;
+    stopping.abort();
+    if handle.connection_count() > 0 {
+        warn!("connections were still open after {} s; they are cut", patience.as_secs_f64());
+    }
+    app.draining.cancel();
     app.streams.close();
     if tokio::time::timeout(FAREWELL, app.streams.wait()).await.is_err() {
         warn!("streams were still open after {} s; they are cut", FAREWELL.as_secs());
     }
     served
+}
+
+async fn serve(listener: TcpListener, app: &App, handle: Handle<SocketAddr>) -> io::Result<()> {
+    let limits = &app.gate.connections;
+    let mut server = Server::<SocketAddr>::from_listener(listener)
+        .handle(handle)
+        .first_request_timeout(limits.header_timeout)
+        .accept_error_handler(|peer, error| debug!(?peer, "connection refused: {error}"));
+    server.http_builder().http1().header_read_timeout(limits.header_timeout);
+    let door = Door::new(limits.max_connections);
+    let service = router(app.clone()).into_make_service();
+    match &app.gate.tls {
+        None => server.acceptor(door).serve(service).await,
+        Some(tls) => {
+            let handshake =
+                RustlsAcceptor::new(tls.clone()).handshake_timeout(limits.header_timeout);
+            server.acceptor(handshake.acceptor(door)).serve(service).await
+        }
+    }
 }

@@ -3,6 +3,8 @@
 use reqwest::{Client, Method, Response, StatusCode};
 use serde_json::{Value, json};
 
+use crate::config::ApiKey;
+
 use super::{CELL_SIZE, LoadError, Plan};
 
 /// Cells that a column can hold.
@@ -18,11 +20,13 @@ const LONGEST_SETTLING: f64 = 600.0;
 pub struct Api {
     client: Client,
     base: String,
+    key: Option<ApiKey>,
 }
 
 impl Api {
-    /// A server by its URL.
-    pub fn new(url: &str) -> Result<Api, LoadError> {
+    /// A run's server.
+    pub fn new(plan: &Plan) -> Result<Api, LoadError> {
+        let (url, key) = (&plan.url, plan.api_key.clone());
         let base = url.trim_end_matches('/').to_owned();
         if !base.starts_with("http://") {
             return Err(LoadError(format!("'{url}' does not begin with http://")));
@@ -30,7 +34,7 @@ impl Api {
         let client = Client::builder()
             .build()
             .map_err(|error| LoadError(format!("no HTTP client: {error}")))?;
-        Ok(Api { client, base })
+        Ok(Api { client, base, key })
     }
 
     /// Creates a paused session.
@@ -95,6 +99,9 @@ impl Api {
     ) -> Result<Response, LoadError> {
         let url = format!("{}/v1/sessions{path}", self.base);
         let mut request = self.client.request(method, &url);
+        if let Some(key) = &self.key {
+            request = request.bearer_auth(key.secret());
+        }
         if let Some(body) = body {
             request = request.json(&body);
         }

@@ -18,6 +18,9 @@ use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
+use crate::config::ApiKey;
+use crate::open_files;
+
 use api::Api;
 use tally::{Moves, Tally};
 
@@ -87,6 +90,8 @@ impl Protocol {
 pub struct Plan {
     /// The server, `http://host:port`.
     pub url: String,
+    /// The server's API key, where it asks for one.
+    pub api_key: Option<ApiKey>,
     /// How viewers are told heights.
     pub protocol: Protocol,
     /// Sessions, each with its own objects.
@@ -183,8 +188,9 @@ pub async fn run(
     stop: &CancellationToken,
 ) -> Result<Report, LoadError> {
     check(plan)?;
-    allow_open_files(plan.clients as u64 + plan.sessions as u64 + OTHER_FILES)?;
-    let api = Api::new(&plan.url)?;
+    let files = plan.clients as u64 + plan.sessions as u64 + OTHER_FILES;
+    open_files::allow(files).map_err(LoadError)?;
+    let api = Api::new(plan)?;
     let run = ulid::Ulid::generate().to_string().to_lowercase();
     let ids: Vec<String> = (0..plan.sessions).map(|i| format!("load-{run}-{i}")).collect();
     let result = tokio::select! {
@@ -303,26 +309,6 @@ fn resident(pid: u32) -> Result<u64, LoadError> {
     let kibibytes: u64 =
         line.trim().trim_end_matches("kB").trim().parse().map_err(|_| unknown())?;
     Ok(kibibytes * 1024)
-}
-
-/// Allows this process as many open files as its clients need.
-#[cfg(unix)]
-fn allow_open_files(wanted: u64) -> Result<(), LoadError> {
-    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-    let limit = getrlimit(Resource::Nofile);
-    if limit.current.is_none_or(|current| current >= wanted) {
-        return Ok(());
-    }
-    let raised = Rlimit { current: Some(wanted), maximum: limit.maximum };
-    setrlimit(Resource::Nofile, raised).map_err(|error| {
-        let most = limit.maximum.map_or("any".to_owned(), |most| most.to_string());
-        LoadError(format!("{wanted} open files are needed, {most} are allowed: {error}"))
-    })
-}
-
-#[cfg(not(unix))]
-fn allow_open_files(_: u64) -> Result<(), LoadError> {
-    Ok(())
 }
 
 #[cfg(test)]

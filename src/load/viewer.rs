@@ -44,6 +44,11 @@ pub async fn open(plan: &Plan, protocol: Protocol, session: &str) -> Result<Sock
         .map_err(|error| format!("not connected: {error}"))?;
     let protocol = HeaderValue::from_static(protocol.name());
     request.headers_mut().insert(header::SEC_WEBSOCKET_PROTOCOL, protocol);
+    if let Some(key) = &plan.api_key {
+        let bearer = HeaderValue::try_from(format!("Bearer {}", key.secret()))
+            .map_err(|_| "not connected: the API key is no visible ASCII".to_owned())?;
+        request.headers_mut().insert(header::AUTHORIZATION, bearer);
+    }
     let stream = TcpStream::connect(address)
         .await
         .map_err(|error| format!("not connected: {}", error.kind()))?;

@@ -23,6 +23,9 @@ pub enum SessionError {
     /// The state of the session does not allow it now.
     #[error("{0}")]
     Conflict(String),
+    /// The client may not do this.
+    #[error("{0}")]
+    Forbidden(String),
     /// Fields are invalid or beyond a limit of a session.
     #[error("the request is not valid")]
     Invalid(Vec<Invalid>),
@@ -64,7 +67,8 @@ impl Check {
     ) {
         if !(lowest..=highest).contains(&value) {
             let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-            self.reject(pointer, format!("{value} is not within {lowest} to {highest}{unit}"));
+            let detail = format!("{} is not within {lowest} to {highest}{unit}", short(value));
+            self.reject(pointer, detail);
         }
     }
 
@@ -79,5 +83,22 @@ impl Check {
     /// [`SessionError::Invalid`] where anything was noted.
     pub fn finish(self) -> Result<(), SessionError> {
         if self.0.is_empty() { Ok(()) } else { Err(SessionError::Invalid(self.0)) }
+    }
+}
+
+/// A number in few digits, however large or small it is.
+fn short(value: f64) -> String {
+    let plain = value == 0.0 || (1e-6..1e16).contains(&value.abs()) || !value.is_finite();
+    if plain { value.to_string() } else { format!("{value:e}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_told_in_few_digits() {
+        let told = [0.0, -0.5, 1e-5, 5e-324, -1e300, 123456789.5, f64::NAN].map(short);
+        assert_eq!(told, ["0", "-0.5", "0.00001", "5e-324", "-1e300", "123456789.5", "NaN"]);
     }
 }

@@ -64,7 +64,7 @@ impl Falling {
             return None;
         }
         let ticks = ((LEAST - self.depth) / snowing.depth).ceil().max(0.0) as u64;
-        Some((self.tick + ticks).saturating_sub(tick).max(1))
+        Some(self.tick.saturating_add(ticks).saturating_sub(tick).max(1))
     }
 
     /// Whole quanta of depth and mass, where enough has fallen up to a tick; fractions stay.
@@ -111,5 +111,12 @@ mod tests {
         let fallen = Grid::default().metres(depth);
         let wanted = 0.37 / 3600.0 * 50_000.0 / 60.0;
         assert!(wanted - fallen >= 0.0 && wanted - fallen < 0.2 / 255.0, "{fallen} of {wanted} m");
+    }
+
+    #[test]
+    fn snow_that_hardly_falls_is_due_in_an_endless_time() {
+        let snowing = Snowing::new(93.0, 20.0, 1e-290, &Grid::default());
+        let falling = Falling { tick: 7, ..Falling::default() };
+        assert_eq!(falling.ticks_until_due(9, snowing), Some(u64::MAX - 9));
     }
 }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 
 use serde::Serialize;
-use tokio::sync::{broadcast, mpsc, oneshot, watch};
+use tokio::sync::{Semaphore, broadcast, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
 
@@ -85,15 +85,16 @@ pub struct Session {
     pub epoch: String,
     /// When it was created, RFC 3339.
     pub created_at: String,
-    /// Hashes of its tokens.
-    tokens: RwLock<TokenHashes>,
+    /// Hashes of its tokens; who may stay watches them.
+    pub(super) tokens: watch::Sender<TokenHashes>,
     /// The snapshot that it was made from, where it was.
     pub(super) origin: Option<Arc<[u8]>>,
     pub(super) limits: Limits,
+    decoding: Arc<Semaphore>,
     /// Key in the world; never used twice.
     pub(super) key: u64,
     pub(super) mirror: RwLock<Mirror>,
-    pub(super) published: watch::Sender<u64>,
+    pub(super) published: watch::Sender<Stamp>,
     pub(super) events: broadcast::Sender<Event>,
     pub(super) gone: CancellationToken,
     /// Its memory is freed, and its time stands still.
@@ -145,9 +146,10 @@ impl Session {
             created_at,
             origin,
             limits: *sessions.limits(),
-            tokens: RwLock::new(tokens),
+            decoding: sessions.decoding.clone(),
+            tokens: watch::Sender::new(tokens),
             key,
-            published: watch::Sender::new(mirror.seq),
+            published: watch::Sender::new(Stamp { tick: clock.tick(), seq: mirror.seq }),
             mirror: RwLock::new(mirror),
             events: broadcast::Sender::new(EVENT_BACKLOG),
             gone: CancellationToken::new(),
@@ -166,7 +168,9 @@ impl Session {
     pub(super) fn go_on_from(&self, seq: u64, versions: Option<&[u64]>) {
         let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
         mirror.go_on_from(seq, versions);
-        self.published.send_replace(seq);
+        let tick = mirror.clock.tick();
+        drop(mirror);
+        self.published.send_replace(Stamp { tick, seq });
     }
 
     /// Shows that time does not pass any more.
@@ -190,10 +194,16 @@ impl Session {
 
     /// Hashes of its tokens.
     pub fn tokens(&self) -> TokenHashes {
-        *self.tokens.read().unwrap_or_else(PoisonError::into_inner)
+        *self.tokens.borrow()
     }
 
-    /// Gives it other tokens; the old ones stop working when this returns.
+    /// Hashes of its tokens, as they become.
+    pub fn token_changes(&self) -> watch::Receiver<TokenHashes> {
+        self.tokens.subscribe()
+    }
+
+    /// Gives it other tokens. When this returns that is durable, the old ones have stopped working,
+    /// and streams that were opened with them end.
     ///
     /// # Errors
     /// [`SessionError::StorageFailed`], and [`SessionError::Internal`] where there are no random
@@ -207,7 +217,7 @@ impl Session {
     }
 
     pub(super) fn set_tokens(&self, tokens: TokenHashes) {
-        *self.tokens.write().unwrap_or_else(PoisonError::into_inner) = tokens;
+        self.tokens.send_replace(tokens);
     }
 
     /// Seqs, first and last, whose states were lost: what has changed since can't be told.
@@ -247,8 +257,8 @@ impl Session {
         frames as f64 / FRAME_RATE
     }
 
-    /// The newest published `seq`, and a way to wait for the next.
-    pub fn publications(&self) -> watch::Receiver<u64> {
+    /// The newest published state's stamp, and a way to wait for the next.
+    pub fn publications(&self) -> watch::Receiver<Stamp> {
         self.published.subscribe()
     }
 
@@ -329,8 +339,13 @@ impl Session {
         let saved = match &self.origin {
             None => None,
             Some(bytes) => {
+                let permit = self.decoding.clone().acquire_owned().await;
                 let (bytes, limits) = (bytes.clone(), self.limits);
-                let decoded = blocking(move || Snapshot::decode(&bytes, &limits)).await?;
+                let decoded = blocking(move || {
+                    let _permit = permit;
+                    Snapshot::decode(&bytes, &limits)
+                });
+                let decoded = decoded.await?;
                 Some(Box::new(decoded))
             }
         };

@@ -3,14 +3,12 @@
 
 use std::sync::Arc;
 
-use crate::engine::frame::TileHeights;
 use crate::snow::{Grid, Material, TILE_COLUMNS};
 
 use super::clock::Clock;
 use super::view::{ColliderView, Settings, Stamp, Summary};
 
-/// Column heights of a tile, in thickness quanta.
-pub type TileColumns = [u32; TILE_COLUMNS as usize];
+pub use crate::engine::published::TileColumns;
 
 /// Everything about a snowpack that can be read without asking the device.
 #[derive(Clone, Debug)]
@@ -64,19 +62,19 @@ impl Mirror {
     }
 
     /// Takes over a tile that changed at `seq`.
-    pub(super) fn update(&mut self, changed: &TileHeights, seq: u64) {
-        self.tiles[changed.tile as usize] = changed.heights;
-        self.versions[changed.tile as usize] = seq;
+    pub(super) fn update(&mut self, tile: u32, heights: &TileColumns, seq: u64) {
+        self.tiles[tile as usize] = *heights;
+        self.versions[tile as usize] = seq;
     }
 
     /// Takes over a tile as it was when its version was noted.
-    pub(super) fn recall(&mut self, tile: &TileHeights) {
-        self.tiles[tile.tile as usize] = tile.heights;
+    pub(super) fn recall(&mut self, tile: u32, heights: &TileColumns) {
+        self.tiles[tile as usize] = *heights;
     }
 
     /// Whether a tile's heights are those already known.
-    pub(super) fn shows(&self, tile: &TileHeights) -> bool {
-        self.tiles[tile.tile as usize] == tile.heights
+    pub(super) fn shows(&self, tile: u32, heights: &TileColumns) -> bool {
+        self.tiles[tile as usize] == *heights
     }
 
     /// Goes on from what was published before the server was started: up to `seq`, with the
@@ -97,7 +95,7 @@ impl Mirror {
     #[cfg(test)]
     pub(crate) fn change(&mut self, tile: u32, seq: u64) {
         let heights = self.tiles[tile as usize].map(|height| height + 1);
-        self.update(&TileHeights { slot: 0, tile, heights }, seq);
+        self.update(tile, &heights, seq);
         self.seq = seq;
     }
 

@@ -7,10 +7,12 @@ mod error;
 mod falling;
 mod gather;
 mod handle;
+mod idempotency;
 mod journal;
 mod message;
 mod mirror;
 mod orders;
+mod pace;
 mod probe;
 mod publish;
 mod registry;
@@ -32,17 +34,18 @@ pub use clock::{Clock, FRAME_RATE};
 pub use error::{Invalid, SessionError};
 pub use gather::{Gathered, MOST_SAMPLES, Sampled};
 pub use handle::{Event, Session};
+pub use idempotency::{Answer, Idempotency, NoPlace, Place, RequestKey};
 pub use mirror::{Mirror, TileColumns};
 pub use probe::{Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use registry::Sessions;
 pub use simulation::Simulation;
 pub use snapshot::{MEDIA_TYPE as SNAPSHOT_MEDIA_TYPE, Snapshot};
 pub use spec::{Limits, SessionSpec, SnowLayer, Terrain, is_valid_id};
-pub use token::{TokenHashes, Tokens};
+pub use token::{Grant, TokenHashes, Tokens};
 pub use view::{
     AirTemperatureReply, Applied, ClearingReply, ColliderReply, ColliderView, ColumnView,
     CreatedSession, LayerView, MassView, SessionView, Settings, SnowfallReply, Stamp, State,
     Summary, WeakLayerView,
 };
-pub use vitals::Vitals;
+pub use vitals::{FrameTime, Vitals};
 pub use world::{Durability, Fault, OpenBackend, StartError, World, WorldConfig};

@@ -1,6 +1,7 @@
 //! What a session has to do in a frame, and who waits for it.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use tokio::sync::oneshot;
 
@@ -86,14 +87,13 @@ impl Orders {
     }
 
     /// Takes out the boxes for whose cells a frame has no room, and counts the others' off it.
-    pub fn hold_back_samples(&mut self, room: &mut u64) -> Vec<(SampleBox, Answer<Sampled>)> {
+    pub fn hold_back_samples(&mut self, room: &AtomicU64) -> Vec<(SampleBox, Answer<Sampled>)> {
         let fitting = self
             .samples
             .iter()
             .take_while(|(wanted, _)| {
-                let fits = wanted.cells() <= *room;
-                *room -= if fits { wanted.cells() } else { 0 };
-                fits
+                let left = |room: u64| room.checked_sub(wanted.cells());
+                room.try_update(Ordering::Relaxed, Ordering::Relaxed, left).is_ok()
             })
             .count();
         self.samples.split_off(fitting)

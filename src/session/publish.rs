@@ -2,7 +2,8 @@
 
 use std::sync::{Arc, PoisonError};
 
-use crate::engine::frame::{TileHeights, WorkOutcome};
+use crate::engine::frame::WorkOutcome;
+use crate::engine::published::TileColumns;
 use crate::snow::{CELL, Contact, Grid};
 
 use super::gather::{Gathered, Sampled};
@@ -17,7 +18,11 @@ use super::view::{
 
 impl Simulation {
     /// Takes in the outcome of the frame in flight; `tiles` are those of it that changed.
-    pub(super) fn conclude(&mut self, outcome: WorkOutcome, tiles: &[TileHeights]) {
+    pub(super) fn conclude<'a>(
+        &mut self,
+        outcome: WorkOutcome,
+        tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
+    ) {
         self.enter_ledger(&outcome.edits);
         let was_settled = self.is_settled();
         self.conclude_run(outcome.last_change);
@@ -65,7 +70,13 @@ impl Simulation {
     }
 
     /// Brings the mirror up to date.
-    fn publish(&mut self, orders: &Orders, outcome: &WorkOutcome, tiles: &[TileHeights]) -> Stamp {
+    fn publish<'a>(
+        &mut self,
+        orders: &Orders,
+        outcome: &WorkOutcome,
+        tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
+    ) -> Stamp {
+        let mut tiles = tiles.peekable();
         let session = self.session.clone();
         for (collider, (_, contact)) in self.colliders.values_mut().zip(&outcome.contacts) {
             collider.contact = *contact;
@@ -74,13 +85,13 @@ impl Simulation {
         let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
         let colliders_changed = *mirror.colliders != *colliders;
         let asked = orders.replies.iter().any(|reply| matches!(reply, Reply::Change { .. }));
-        let changed = !tiles.is_empty() || colliders_changed || orders.changed || asked;
+        let changed = tiles.peek().is_some() || colliders_changed || orders.changed || asked;
         let seq = mirror.seq + u64::from(changed);
         let brought_back = std::mem::take(&mut self.brought_back);
-        for tile in tiles {
+        for (tile, heights) in tiles {
             // All tiles of a session that was brought back are told: most are as they were.
-            if !(brought_back && mirror.shows(tile)) {
-                mirror.update(tile, seq);
+            if !(brought_back && mirror.shows(tile, heights)) {
+                mirror.update(tile, heights, seq);
             }
         }
         if colliders_changed {
@@ -92,17 +103,22 @@ impl Simulation {
         mirror.seq = seq;
         drop(mirror);
         self.unpublished = false;
+        let stamp = Stamp { tick: self.clock.tick(), seq };
         if changed {
-            session.published.send_replace(seq);
+            session.published.send_replace(stamp);
         }
-        Stamp { tick: self.clock.tick(), seq }
+        stamp
     }
 
     /// Makes the mirror what it was when what is restored was saved.
-    fn recall(&mut self, outcome: &WorkOutcome, tiles: &[TileHeights]) {
+    fn recall<'a>(
+        &mut self,
+        outcome: &WorkOutcome,
+        tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
+    ) {
         let session = self.session.clone();
         let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
-        tiles.iter().for_each(|tile| mirror.recall(tile));
+        tiles.for_each(|(tile, heights)| mirror.recall(tile, heights));
         mirror.colliders = self.collider_views(&outcome.contacts);
         mirror.colliders_version = mirror.seq;
         mirror.active_tiles = outcome.active_tiles;

@@ -5,7 +5,7 @@ use std::ops::Bound;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
-use tokio::sync::mpsc;
+use tokio::sync::{Semaphore, mpsc};
 
 use crate::engine::frame::DeviceInfo;
 
@@ -17,6 +17,9 @@ use super::spec::{Limits, SessionSpec};
 use super::token::Tokens;
 use super::vitals::Vitals;
 use super::world::Fault;
+
+/// Snapshots that are decoded at the same time: each may take as much memory as a whole session.
+const DECODED_AT_ONCE: usize = 2;
 
 /// Sessions by name; a name is taken from the moment its creation begins.
 #[derive(Debug, Default)]
@@ -85,6 +88,8 @@ pub struct Sessions {
     pub(super) keys: Arc<AtomicU64>,
     /// No more sessions are made.
     closed: Arc<AtomicBool>,
+    /// Snapshots that may still be decoded at the same time.
+    pub(super) decoding: Arc<Semaphore>,
 }
 
 impl Sessions {
@@ -96,7 +101,8 @@ impl Sessions {
         limits: Limits,
     ) -> Sessions {
         let (keys, closed) = (Arc::default(), Arc::default());
-        Sessions { names, world, vitals, frames, limits, keys, closed }
+        let decoding = Arc::new(Semaphore::new(DECODED_AT_ONCE));
+        Sessions { names, world, vitals, frames, limits, keys, closed, decoding }
     }
 
     /// Breaks something, for tests of what happens then.
@@ -115,11 +121,13 @@ impl Sessions {
     ///
     /// # Errors
     /// [`SessionError::Invalid`], [`SessionError::Conflict`] where the name is taken,
-    /// [`SessionError::ServerFull`] and [`SessionError::OutOfMemory`].
+    /// [`SessionError::ServerFull`], [`SessionError::OutOfMemory`], and
+    /// [`SessionError::Unavailable`] while the server starts or stops.
     pub async fn create(&self, spec: SessionSpec) -> Result<(Arc<Session>, Tokens), SessionError> {
+        self.admit()?;
         spec.check(&self.limits)?;
-        let id = spec.id.clone();
-        self.make(id, spec, None).await
+        let place = Place::reserve(self.names.clone(), spec.id.clone(), &spec, &self.limits)?;
+        self.make(place, spec, None).await
     }
 
     /// Creates a session from a snapshot, under a name or a new ULID.
@@ -131,42 +139,50 @@ impl Sessions {
         bytes: Arc<[u8]>,
         id: Option<String>,
     ) -> Result<(Arc<Session>, Tokens), SessionError> {
+        self.admit()?;
         let mut check = Check::default();
         if let Some(id) = &id {
             check.id("id", id);
         }
         check.finish()?;
-        let (copy, limits) = (bytes.clone(), self.limits);
-        let snapshot = blocking(move || Snapshot::decode(&copy, &limits)).await?;
-        self.make(id, snapshot.spec().clone(), Some((bytes, Box::new(snapshot)))).await
+        let permit = self.decoding.clone().acquire_owned().await;
+        let (copy, limits, names) = (bytes.clone(), self.limits, self.names.clone());
+        let (snapshot, place) = blocking(move || {
+            let _permit = permit;
+            Snapshot::decode_admitted(&copy, &limits, |spec| {
+                Place::reserve(names, id, spec, &limits)
+            })
+        })
+        .await?;
+        self.make(place, snapshot.spec().clone(), Some((bytes, Box::new(snapshot)))).await
+    }
+
+    /// Whether sessions may be made now.
+    fn admit(&self) -> Result<(), SessionError> {
+        if self.closed.load(Ordering::Relaxed) {
+            return Err(SessionError::Unavailable("the server is stopping".to_owned()));
+        }
+        if self.vitals.is_recovered() { Ok(()) } else { Err(recovering()) }
     }
 
     async fn make(
         &self,
-        id: Option<String>,
+        mut place: Place,
         spec: SessionSpec,
         saved: Option<(Arc<[u8]>, Box<Snapshot>)>,
     ) -> Result<(Arc<Session>, Tokens), SessionError> {
-        if self.closed.load(Ordering::Relaxed) {
-            return Err(SessionError::Unavailable("the server is stopping".to_owned()));
-        }
-        if !self.vitals.is_recovered() {
-            return Err(recovering());
-        }
-        let id = id.unwrap_or_else(|| ulid::Ulid::generate().to_string());
         let tokens = Tokens::generate()
             .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
-        self.names.reserve(&id, spec.grid.cells(), &self.limits)?;
-        let mut reservation = Reservation { names: &self.names, id: &id, kept: false };
 
         let (origin, saved) = saved.unzip();
-        let session = Arc::new(Session::new(self, id.clone(), spec, origin, tokens.hashes()));
+        let id = place.id.clone();
+        let session = Arc::new(Session::new(self, id, spec, origin, tokens.hashes()));
         let made = session.clone();
         message::ask(&self.world, |reply| Message::Create { session: made, saved, reply }).await?;
-        if let Some(entry) = self.names.write().get_mut(&id) {
+        if let Some(entry) = self.names.write().get_mut(&place.id) {
             entry.session = Some(session.clone());
         }
-        reservation.kept = true;
+        place.kept = true;
         Ok((session, tokens))
     }
 
@@ -175,8 +191,7 @@ impl Sessions {
     /// # Errors
     /// [`SessionError::NotFound`]; [`SessionError::Unavailable`] while sessions are brought back.
     pub fn get(&self, id: &str) -> Result<Arc<Session>, SessionError> {
-        let session = self.names.read().get(id).and_then(|entry| entry.session.clone());
-        let Some(session) = session else {
+        let Some(session) = self.peek(id) else {
             if !self.vitals.is_recovered() {
                 return Err(recovering());
             }
@@ -188,6 +203,11 @@ impl Sessions {
             let _ = self.world.try_send(Message::Wake { key: session.key });
         }
         Ok(session)
+    }
+
+    /// A session by its name, without being a use of it.
+    pub fn peek(&self, id: &str) -> Option<Arc<Session>> {
+        self.names.read().get(id).and_then(|entry| entry.session.clone())
     }
 
     /// Up to `limit` sessions in ascending order of their names, those after `after`.
@@ -235,17 +255,31 @@ fn recovering() -> SessionError {
     SessionError::Unavailable("sessions are being brought back; /readyz says when".to_owned())
 }
 
-/// Gives a reserved name back where the creation fails or is abandoned.
-struct Reservation<'a> {
-    names: &'a Names,
-    id: &'a str,
+/// A place for a session that is being made; given back where that fails or is abandoned.
+struct Place {
+    names: Arc<Names>,
+    id: String,
     kept: bool,
 }
 
-impl Drop for Reservation<'_> {
+impl Place {
+    /// Takes a name, or makes one, and the room that a session needs.
+    fn reserve(
+        names: Arc<Names>,
+        id: Option<String>,
+        spec: &SessionSpec,
+        limits: &Limits,
+    ) -> Result<Place, SessionError> {
+        let id = id.unwrap_or_else(|| ulid::Ulid::generate().to_string());
+        names.reserve(&id, spec.grid.cells(), limits)?;
+        Ok(Place { names, id, kept: false })
+    }
+}
+
+impl Drop for Place {
     fn drop(&mut self) {
         if !self.kept {
-            self.names.remove(self.id);
+            self.names.remove(&self.id);
         }
     }
 }

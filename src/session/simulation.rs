@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 
 use crate::engine::frame::{Deposit, Edit, Layout, Run, Slot, Work};
 use crate::snow::{CELL, ColumnRect, Contact, MASS_QUANTA, Material, Position, Shape};
@@ -238,11 +239,12 @@ impl Simulation {
         self.step.is_some() || self.owed > 0 || self.next.are_urgent()
     }
 
-    /// Lets the ticks up to a frame pass, where nothing moves in them.
+    /// Lets the time up to a frame pass, where nothing happens in it: a pause has no ticks, and in
+    /// the ticks of a session at rest nothing moves.
     pub(super) fn catch_up(&mut self, frame: u64) {
-        if self.frozen {
+        if self.settings.paused || self.frozen {
             self.frame = frame;
-        } else if !self.settings.paused && self.is_resting() {
+        } else if self.is_resting() {
             self.clock.pass(self.clock.ticks_between(self.frame, frame));
             self.frame = frame;
         }
@@ -258,7 +260,7 @@ impl Simulation {
         frame: u64,
         publish: bool,
         sleep: bool,
-        samples: &mut u64,
+        samples: &AtomicU64,
     ) -> Option<Work> {
         let clock_before = self.clock;
         let mut advance = self.take_ticks(frame);

@@ -116,6 +116,19 @@ impl Snapshot {
     /// [`SessionError::Invalid`] where it is damaged, cut short, not a snapshot, of a later
     /// version, or of a snowpack that this server doesn't hold.
     pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Snapshot, SessionError> {
+        Snapshot::decode_admitted(bytes, limits, |_| Ok(())).map(|(snapshot, ())| snapshot)
+    }
+
+    /// As [`Snapshot::decode`], but asks whether there is room before it reads any cells: a small
+    /// file can hold a lot of snow.
+    ///
+    /// # Errors
+    /// Those of `admit` beside the others.
+    pub(super) fn decode_admitted<T>(
+        bytes: &[u8],
+        limits: &Limits,
+        admit: impl FnOnce(&SessionSpec) -> Result<T, SessionError>,
+    ) -> Result<(Snapshot, T), SessionError> {
         let (head, compressed) =
             bytes.split_at_checked(HEAD).ok_or_else(|| refused("it is cut short"))?;
         if head[..8] != *MAGIC {
@@ -136,11 +149,12 @@ impl Snapshot {
         let description: Description = serde_json::from_slice(&description)
             .map_err(|error| refused(&format!("its description can't be read: {error}")))?;
         description.check(limits)?;
+        let admitted = admit(&description.spec)?;
         let tiles = reader.tiles(&description.spec)?;
         reader.finish(&head[16..])?;
         description.check_mass(&tiles)?;
         let stamp = Stamp { tick: description.clock.tick(), seq: 0 };
-        Ok(Snapshot { stamp, description, tiles: Arc::new(tiles) })
+        Ok((Snapshot { stamp, description, tiles: Arc::new(tiles) }, admitted))
     }
 
     /// What it was created with.

@@ -49,8 +49,10 @@ pub struct SessionSpec {
     pub snowfall_rate: f64,
     /// Seconds without request or stream after which the session may hibernate; this version
     /// keeps it awake.
+    #[schema(minimum = 1, maximum = 1e9)]
     pub idle_timeout_s: Option<f64>,
     /// Seconds without request or stream after which the session is deleted.
+    #[schema(minimum = 1, maximum = 1e9)]
     pub delete_after_s: Option<f64>,
     /// Layers of snow to begin with, from the ground up.
     pub initial_snow: Vec<SnowLayer>,

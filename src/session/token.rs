@@ -1,9 +1,11 @@
 //! Secrets that let a client at one session.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
-/// The secrets of a new session, told once.
-#[derive(Clone, Debug)]
+/// The secrets of a session, told once.
+#[derive(Clone)]
 pub struct Tokens {
     /// Allows everything about the session.
     pub token: String,
@@ -20,6 +22,33 @@ pub struct TokenHashes {
     /// Hash of the token that allows reads and streams.
     #[serde(with = "hex")]
     pub viewer_token: blake3::Hash,
+}
+
+/// What a token allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Grant {
+    /// Everything about its session.
+    Everything,
+    /// Its session's reads and streams.
+    Reads,
+}
+
+impl TokenHashes {
+    /// What the token of a hash allows; nothing where it is neither of the two.
+    pub fn grant(&self, token: &blake3::Hash) -> Option<Grant> {
+        // These comparisons take the same time wherever two hashes differ.
+        match (*token == self.token, *token == self.viewer_token) {
+            (true, _) => Some(Grant::Everything),
+            (_, true) => Some(Grant::Reads),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Debug for Tokens {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Tokens(…)")
+    }
 }
 
 impl Tokens {

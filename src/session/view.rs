@@ -74,7 +74,7 @@ pub struct SessionView {
 }
 
 /// Answer to `POST /v1/sessions`.
-#[derive(Clone, Debug, Serialize, ToSchema)]
+#[derive(Clone, Serialize, ToSchema)]
 pub struct CreatedSession {
     /// The session.
     #[serde(flatten)]

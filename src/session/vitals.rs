@@ -1,22 +1,52 @@
 //! How the engine is doing, for whoever asks from another thread.
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use crate::engine::frame::DeviceInfo;
 
+/// Frames that are remembered.
+const REMEMBERED: usize = 1024;
+
+/// What one frame took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameTime {
+    /// Counts the frames from 1, those between beats included.
+    pub number: u64,
+    /// Sessions in it.
+    pub sessions: u32,
+    /// Tiles whose heights it published.
+    pub published_tiles: u32,
+    /// Time from when it was begun until all of it was published.
+    pub took: Duration,
+    /// Part of that in which the host waited for the backend.
+    pub backend: Duration,
+}
+
 /// How the engine is doing.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Vitals {
     /// The device the snowpacks live on.
     pub device: DeviceInfo,
     pub(super) healthy: AtomicBool,
     pub(super) recovered: AtomicBool,
     pub(super) memory: AtomicU64,
+    pub(super) frames: AtomicU64,
+    pub(super) frame_time_us: AtomicU64,
     pub(super) slipped_us: AtomicU64,
+    pub(super) frame_times: Mutex<VecDeque<FrameTime>>,
+    pub(super) overloaded: AtomicBool,
 }
 
 impl Vitals {
+    /// Of an engine that is about to start.
+    pub(super) fn new(device: DeviceInfo, memory: u64) -> Vitals {
+        let (healthy, memory) = (AtomicBool::new(true), AtomicU64::new(memory));
+        Vitals { device, healthy, memory, ..Vitals::default() }
+    }
+
     /// Whether frames are being carried out.
     pub fn is_healthy(&self) -> bool {
         self.healthy.load(Ordering::Relaxed)
@@ -30,6 +60,42 @@ impl Vitals {
     /// Bytes of device memory held for snowpacks.
     pub fn memory(&self) -> u64 {
         self.memory.load(Ordering::Relaxed)
+    }
+
+    /// What the newest frames took, the oldest of them first: those of about the last 17 s.
+    pub fn frame_times(&self) -> Vec<FrameTime> {
+        let times = self.frame_times.lock().unwrap_or_else(PoisonError::into_inner);
+        times.iter().copied().collect()
+    }
+
+    /// Notes what a frame took, and numbers it.
+    pub(super) fn note(&self, frame: FrameTime) {
+        let mut times = self.frame_times.lock().unwrap_or_else(PoisonError::into_inner);
+        let number = times.back().map_or(0, |last| last.number) + 1;
+        if times.len() == REMEMBERED {
+            times.pop_front();
+        }
+        times.push_back(FrameTime { number, ..frame });
+        drop(times);
+        if frame.sessions > 0 {
+            self.frames.fetch_add(1, Ordering::Relaxed);
+            self.frame_time_us.fetch_add(frame.took.as_micros() as u64, Ordering::Relaxed);
+        }
+    }
+
+    /// Frames that were carried out.
+    pub fn frames(&self) -> u64 {
+        self.frames.load(Ordering::Relaxed)
+    }
+
+    /// Time that they took, from planning to publishing.
+    pub fn frame_time(&self) -> Duration {
+        Duration::from_micros(self.frame_time_us.load(Ordering::Relaxed))
+    }
+
+    /// Whether ticks keep slipping, so that no more sessions should be placed here.
+    pub fn is_overloaded(&self) -> bool {
+        self.overloaded.load(Ordering::Relaxed)
     }
 
     /// Time by which ticks have slipped behind the wall clock because frames were too slow.

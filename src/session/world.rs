@@ -10,13 +10,14 @@ mod engine;
 mod requests;
 mod revive;
 mod rounds;
+mod simulations;
 mod slots;
 mod supervise;
 mod upkeep;
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -28,12 +29,14 @@ use crate::engine::frame::{Backend, EngineError};
 use super::handle::Session;
 use super::journal::{self, Journal, SEQ_RESERVE, Stored};
 use super::message::Message;
+use super::pace::Pace;
 use super::registry::{Names, Sessions};
 use super::spec::Limits;
 use super::vitals::Vitals;
 use engine::Engine;
 use revive::Revival;
 use rounds::Rounds;
+use simulations::Simulations;
 use slots::Slots;
 
 pub use durability::{Durability, Fault, OpenBackend, StartError};
@@ -104,13 +107,8 @@ impl World {
         let (send, inbox) = mpsc::channel(INBOX);
         let names = Arc::new(Names::default());
         let frames = Arc::new(AtomicU64::new(0));
-        let vitals = Arc::new(Vitals {
-            device: backend.device().clone(),
-            healthy: AtomicBool::new(true),
-            recovered: AtomicBool::new(stored.is_empty()),
-            memory: AtomicU64::new(backend.memory()),
-            slipped_us: AtomicU64::new(0),
-        });
+        let vitals = Arc::new(Vitals::new(backend.device().clone(), backend.memory()));
+        vitals.recovered.store(stored.is_empty(), Ordering::Relaxed);
         let sessions = Sessions::new(
             names.clone(),
             send.clone(),
@@ -137,8 +135,9 @@ impl World {
             full: false,
             looked_after: 0,
             next_beat: Instant::now(),
-            simulations: HashMap::new(),
-            active: HashSet::new(),
+            pace: Pace::default(),
+            simulations: Simulations::default(),
+            busy: false,
             rounds: Rounds::default(),
             hibernating: HashMap::new(),
             leaving: HashMap::new(),

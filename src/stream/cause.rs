@@ -1,12 +1,10 @@
 //! Why a stream ends, and what its client is told.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use axum::extract::ws::CloseFrame;
 use tungstenite::Error as WsError;
 
 /// Why a stream ends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Cause {
     /// The client closed it.
     Done,
@@ -24,13 +22,17 @@ pub enum Cause {
     TooManyCommands,
     /// The server is stopping.
     Draining,
+    /// The client's token is none of the session's, or no longer.
+    BadToken,
+    /// There is no such session.
+    UnknownSession,
     /// The session was deleted.
     Deleted,
 }
 
 impl Cause {
     /// Every cause.
-    pub const ALL: [Cause; 9] = [
+    pub const ALL: [Cause; 11] = [
         Cause::Done,
         Cause::Broken,
         Cause::Malformed,
@@ -39,6 +41,8 @@ impl Cause {
         Cause::TooSlow,
         Cause::TooManyCommands,
         Cause::Draining,
+        Cause::BadToken,
+        Cause::UnknownSession,
         Cause::Deleted,
     ];
 
@@ -53,6 +57,8 @@ impl Cause {
             Cause::TooSlow => "too_slow",
             Cause::TooManyCommands => "too_many_commands",
             Cause::Draining => "draining",
+            Cause::BadToken => "bad_token",
+            Cause::UnknownSession => "unknown_session",
             Cause::Deleted => "deleted",
         }
     }
@@ -67,6 +73,8 @@ impl Cause {
             Cause::TooBig => (1009, "a message may have at most 1 MiB"),
             Cause::TooSlow => (3008, "a message could not be delivered for too long"),
             Cause::TooManyCommands => (3013, "more commands per second than are taken"),
+            Cause::BadToken => (3500, "the token is missing, or not one of this session's"),
+            Cause::UnknownSession => (3501, "there is no such session"),
             Cause::Deleted => (3502, "the session was deleted"),
         };
         Some(CloseFrame { code, reason: reason.into() })
@@ -75,21 +83,6 @@ impl Cause {
     /// Whether the rest of what the client sends can still be read.
     pub fn is_readable(self) -> bool {
         !matches!(self, Cause::Broken | Cause::Malformed | Cause::TooBig)
-    }
-}
-
-/// How many streams have ended, by cause.
-#[derive(Debug, Default)]
-pub struct Endings([AtomicU64; Cause::ALL.len()]);
-
-impl Endings {
-    /// Streams that ended for a cause.
-    pub fn of(&self, cause: Cause) -> u64 {
-        self.0[cause as usize].load(Ordering::Relaxed)
-    }
-
-    pub(super) fn count(&self, cause: Cause) {
-        self.0[cause as usize].fetch_add(1, Ordering::Relaxed);
     }
 }
 
@@ -128,16 +121,6 @@ mod tests {
     }
 
     #[test]
-    fn endings_are_counted_by_cause() {
-        for (place, cause) in Cause::ALL.into_iter().enumerate() {
-            assert_eq!(cause as usize, place);
-        }
-        let endings = Endings::default();
-        endings.count(Cause::TooSlow);
-        assert_eq!((endings.of(Cause::TooSlow), endings.of(Cause::Deleted)), (1, 0));
-    }
-
-    #[test]
     fn close_codes_are_those_of_the_contract() {
         let codes = [
             (Cause::Done, Some(1000)),
@@ -145,6 +128,8 @@ mod tests {
             (Cause::TooBig, Some(1009)),
             (Cause::TooSlow, Some(3008)),
             (Cause::TooManyCommands, Some(3013)),
+            (Cause::BadToken, Some(3500)),
+            (Cause::UnknownSession, Some(3501)),
             (Cause::Deleted, Some(3502)),
             (Cause::Silent, None),
         ];

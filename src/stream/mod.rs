@@ -5,7 +5,7 @@ mod answer;
 mod cache;
 mod cause;
 pub mod codec;
-mod rate;
+mod metrics;
 mod receive;
 mod request;
 mod send;
@@ -13,19 +13,26 @@ mod socket;
 mod subscription;
 mod tiles;
 
-use axum::extract::rejection::PathRejection;
+use std::sync::Arc;
+
+use axum::extract::State;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
-use axum::extract::{Path, State};
-use axum::response::{IntoResponse, Response};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::Response;
+use utoipa::IntoParams;
 
-use crate::http::App;
+use crate::http::{App, Caller, FromQuery, Params, Query, Segments, bearer};
 use crate::problem::Problem;
+use crate::session::Session;
 
-use tiles::{LARGEST_PART, Protocol};
+use tiles::LARGEST_PART;
 
 pub use cache::EncodedTiles;
-pub use cause::{Cause, Endings};
+pub use cause::Cause;
+pub use metrics::StreamMetrics;
+pub use request::{ColumnRegion, Control, Refusal, Request, Resume, Subscribe, Update};
+pub use tiles::Protocol;
 
 /// Largest message of a client \[bytes\].
 const LARGEST_MESSAGE: usize = 1 << 20;
@@ -47,19 +54,31 @@ const WRITE_BUFFER: usize = 4 * 1024;
 /// answer to a ping, and the farewell.
 const LARGEST_BACKLOG: usize = LARGEST_PART + LARGEST_PART / 16;
 
+/// How a browser says who it is: it can't set headers of a WebSocket.
+#[derive(Debug, IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct StreamQuery {
+    /// The API key or one of the session's tokens, where there is no `Authorization` header.
+    token: Option<String>,
+}
+
+impl FromQuery for StreamQuery {
+    fn from_query(params: &mut Params) -> StreamQuery {
+        StreamQuery { token: params.text("token") }
+    }
+}
+
 /// Streams heights and takes changes
 ///
 /// A WebSocket with the sub-protocol `firn.v1.json`, which is the default, or `firn.v1.bin`, whose
-/// heights are binary; `asyncapi.yaml` describes the messages, `height-stream.md` the bytes.
-///
-/// # Errors
-/// 400 where the request is no WebSocket upgrade or offers only unknown sub-protocols; 404 where
-/// there is no such session; 503 where the server is stopping.
+/// heights are binary; `asyncapi.yaml` describes the messages, `height-stream.md` the bytes. Where
+/// the token is not good or there is no such session, browsers (whose requests have an `Origin`) get
+/// a stream that is closed at once with 3500 or 3501, because they can't see a status.
 #[utoipa::path(
     get,
     path = "/v1/sessions/{id}/stream",
     tag = "snow",
-    params(("id" = String, Path, description = "Name of the session")),
+    params(("id" = String, Path, description = "Name of the session"), StreamQuery),
     responses(
         (status = 101, description = "The stream begins"),
         (status = 400, description = "No WebSocket upgrade, or no known sub-protocol",
@@ -72,14 +91,75 @@ const LARGEST_BACKLOG: usize = LARGEST_PART + LARGEST_PART / 16;
 )]
 pub async fn stream(
     State(app): State<App>,
-    path: Result<Path<String>, PathRejection>,
+    Segments(id): Segments<String>,
+    Query(query): Query<StreamQuery>,
+    headers: HeaderMap,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
-    let Path(id) = path?;
-    let session = app.sessions.get(&id)?;
-    let upgrade = upgrade.map_err(|rejection| {
-        Problem::malformed(format!("a stream begins with a WebSocket upgrade: {rejection}"))
-    })?;
+    let admitted = admit(&app, &id, bearer(&headers).or(query.token.as_deref()));
+    let is_browser = headers.contains_key(header::ORIGIN);
+    match (admitted, upgrade) {
+        (Ok((session, caller)), Ok(upgrade)) => begin(app, upgrade, session, caller),
+        (Err(problem), Ok(upgrade)) if is_browser => refuse(app, upgrade, problem),
+        (Err(problem), _) => Err(problem),
+        (Ok(_), Err(rejection)) => Err(Problem::malformed(format!(
+            "a stream begins with a WebSocket upgrade: {rejection}"
+        ))),
+    }
+}
+
+/// Who wants to stream, and what.
+fn admit(app: &App, id: &str, token: Option<&str>) -> Result<(Arc<Session>, Caller), Problem> {
+    let caller = app.gate.access.admit(token, app.sessions.peek(id).as_deref())?;
+    Ok((app.sessions.get(id)?, caller))
+}
+
+/// Begins a stream.
+fn begin(
+    app: App,
+    upgrade: WebSocketUpgrade,
+    session: Arc<Session>,
+    caller: Caller,
+) -> Result<Response, Problem> {
+    let (upgrade, protocol) = negotiate(upgrade)?;
+    if app.draining.is_cancelled() {
+        return Err(Problem::unavailable("the server is stopping"));
+    }
+    let tracked = app.streams.token();
+    let response = upgrade
+        .max_message_size(LARGEST_MESSAGE)
+        .max_frame_size(LARGEST_FRAME)
+        .read_buffer_size(READ_BUFFER)
+        .write_buffer_size(WRITE_BUFFER)
+        .max_write_buffer_size(LARGEST_BACKLOG)
+        .on_upgrade(async move |socket| {
+            socket::serve(socket, session, caller, protocol, &app).await;
+            drop(tracked);
+        });
+    Ok(response)
+}
+
+/// Begins a stream only to tell a browser why there is none.
+fn refuse(app: App, upgrade: WebSocketUpgrade, problem: Problem) -> Result<Response, Problem> {
+    let cause = match StatusCode::from_u16(problem.status) {
+        Ok(StatusCode::UNAUTHORIZED) => Cause::BadToken,
+        Ok(StatusCode::NOT_FOUND) => Cause::UnknownSession,
+        _ => return Err(problem),
+    };
+    let (upgrade, _) = negotiate(upgrade)?;
+    let tracked = app.streams.token();
+    let response = upgrade
+        .max_message_size(LARGEST_MESSAGE)
+        .read_buffer_size(READ_BUFFER)
+        .on_upgrade(async move |socket| {
+            socket::end(socket, cause, &app).await;
+            drop(tracked);
+        });
+    Ok(response)
+}
+
+/// Chooses the sub-protocol: the default one where the client offers none.
+fn negotiate(upgrade: WebSocketUpgrade) -> Result<(WebSocketUpgrade, Protocol), Problem> {
     let offers_any = upgrade.requested_protocols().next().is_some();
     let names = Protocol::ALL.map(Protocol::name);
     let upgrade = upgrade.protocols(names);
@@ -91,20 +171,5 @@ pub async fn stream(
             "none of the sub-protocols offered is known; known are: {known}"
         )));
     }
-    if app.draining.is_cancelled() {
-        return Err(Problem::unavailable("the server is stopping"));
-    }
-    let tracked = app.streams.token();
-    let protocol = chosen.unwrap_or(Protocol::Json);
-    let response = upgrade
-        .max_message_size(LARGEST_MESSAGE)
-        .max_frame_size(LARGEST_FRAME)
-        .read_buffer_size(READ_BUFFER)
-        .write_buffer_size(WRITE_BUFFER)
-        .max_write_buffer_size(LARGEST_BACKLOG)
-        .on_upgrade(async move |socket| {
-            socket::serve(socket, session, protocol, &app).await;
-            drop(tracked);
-        });
-    Ok(response.into_response())
+    Ok((upgrade, chosen.unwrap_or(Protocol::Json)))
 }

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use axum::extract::ws::Message;
 use futures_util::stream::{FuturesOrdered, Stream, StreamExt};
+use governor::DefaultDirectRateLimiter;
 use tokio::sync::mpsc;
 use tokio::task::unconstrained;
 use tokio::time::{Instant, sleep_until};
@@ -19,7 +20,6 @@ use crate::session::{Applied, Change, SessionError};
 
 use super::answer;
 use super::cause::Cause;
-use super::rate::CommandRate;
 use super::request::{Control, Request};
 
 /// Requests of one client that may be under way. Beyond them nothing more is read from it.
@@ -41,7 +41,7 @@ pub enum Next {
 #[derive(Debug)]
 pub struct Bounds<'a> {
     /// Commands that it may still send.
-    pub rate: CommandRate,
+    pub rate: DefaultDirectRateLimiter,
     /// Whether a message to it is being written.
     pub writing: &'a AtomicBool,
 }
@@ -55,7 +55,7 @@ pub async fn receive<S, A, F>(
     mut messages: S,
     answers: mpsc::Sender<Next>,
     apply: A,
-    mut bounds: Bounds<'_>,
+    bounds: Bounds<'_>,
 ) -> Cause
 where
     S: Stream<Item = Result<Message, axum::Error>> + Unpin,
@@ -75,7 +75,7 @@ where
             message = messages.next(), if reading => {
                 heard = Instant::now();
                 if let Some(Ok(Message::Text(_) | Message::Binary(_) | Message::Ping(_))) = message
-                    && !bounds.rate.allows(heard)
+                    && bounds.rate.check().is_err()
                 {
                     return Cause::TooManyCommands;
                 }

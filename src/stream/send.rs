@@ -18,6 +18,7 @@ use crate::session::{Applied, Event, Invalid, Session, SessionError, Stamp};
 use super::answer::{self, Answer};
 use super::cache::EncodedTiles;
 use super::cause::Cause;
+use super::metrics::Carried;
 use super::receive::Next;
 use super::request::{Control, Subscribe, Update};
 use super::subscription::{Source, Subscription};
@@ -38,6 +39,8 @@ pub struct Manner<'a> {
     pub patience: Duration,
     /// Set while a message is being written.
     pub writing: &'a AtomicBool,
+    /// Counts what heights it is sent.
+    pub carried: Carried,
 }
 
 /// Speaks to a client until the stream ends.
@@ -70,7 +73,8 @@ where
             event = events.recv() => speaker.tell(event).await,
             _ = pings.tick() => speaker.write(Message::Ping(Vec::new().into())).await,
             changed = publications.changed() => {
-                speaker.subscriptions.iter_mut().for_each(Subscription::mark);
+                let tick = publications.borrow_and_update().tick;
+                speaker.subscriptions.iter_mut().for_each(|subscription| subscription.mark(tick));
                 changed.map_err(|_| Cause::Deleted)
             }
             () = sleep_until(due.unwrap_or_else(Instant::now)), if due.is_some() => {
@@ -190,9 +194,20 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
             let frame = self.session.frame();
             let copied = subscription.copy(&self.session.mirror(), frame);
             for part in subscription.message(copied, now).into_iter().flatten() {
+                let bytes = payload(&part);
                 self.write(part).await?;
+                self.manner.carried.message(bytes);
             }
         }
         Ok(())
+    }
+}
+
+/// Length of what a message tells \[bytes\].
+fn payload(message: &Message) -> usize {
+    match message {
+        Message::Text(text) => text.len(),
+        Message::Binary(bytes) => bytes.len(),
+        Message::Ping(_) | Message::Pong(_) | Message::Close(_) => 0,
     }
 }

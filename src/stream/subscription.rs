@@ -32,10 +32,24 @@ pub struct Subscription {
     wants_colliders: bool,
     /// Fingerprint of the colliders the client was last told.
     told: Option<blake3::Hash>,
-    /// Least time between two messages.
+    /// Mean time between two messages, at least.
     period: Duration,
-    next: Instant,
-    stale: bool,
+    /// When a message about a new tick may be sent; a period later, one about anything else.
+    turn: Instant,
+    /// Tick of the newest message.
+    told_tick: u64,
+    /// What there is to tell.
+    news: News,
+}
+
+/// How much a client would miss if it were told nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum News {
+    Nothing,
+    /// Something has changed between two ticks.
+    Change,
+    /// A tick was taken, or the view has moved.
+    Tick,
 }
 
 /// What a subscription is told at its begin.
@@ -127,8 +141,9 @@ impl Subscription {
             wants_colliders: wish.colliders,
             told: None,
             period: Duration::from_secs_f64(1.0 / wish.max_rate),
-            next: now,
-            stale: true,
+            turn: now,
+            told_tick: 0,
+            news: News::Tick,
         })
     }
 
@@ -147,18 +162,28 @@ impl Subscription {
         self.view = view;
         self.held = self.held.and_then(|held| overlap(&held, &view));
         self.told = None;
-        self.stale = true;
+        self.news = News::Tick;
         Ok(())
     }
 
-    /// Notes that the mirror has changed.
-    pub fn mark(&mut self) {
-        self.stale = true;
+    /// Notes that the mirror has changed, and which tick it is at.
+    pub fn mark(&mut self, tick: u64) {
+        let news = if tick > self.told_tick { News::Tick } else { News::Change };
+        self.news = self.news.max(news);
     }
 
     /// When the next message may be sent, where there may be one.
+    ///
+    /// The rate is kept on average. A tick may be told up to one period early: otherwise a client
+    /// that asks for as many messages as there are ticks would get each as late after its tick as
+    /// it happened to subscribe after one. Changes between ticks wait for their turn: otherwise
+    /// they would take that of the tick after them.
     pub fn due(&self) -> Option<Instant> {
-        self.stale.then_some(self.next)
+        match self.news {
+            News::Nothing => None,
+            News::Change => Some(self.turn + self.period),
+            News::Tick => Some(self.turn),
+        }
     }
 
     /// Tiles whose newest state the client does not hold, given their versions.
@@ -178,9 +203,11 @@ impl Subscription {
         let tiles = self.missing(|tile| mirror.tile(tile).1);
         let changed = self.told.is_none() || mirror.colliders_version > self.seen;
         let colliders = (self.wants_colliders && changed).then(|| mirror.colliders.clone());
+        let stamp = mirror.stamp_at(frame);
         self.seen = mirror.seq;
+        self.told_tick = stamp.tick;
         self.held = Some(self.view);
-        self.stale = false;
+        self.news = News::Nothing;
         let mut fresh = Vec::new();
         let encoded = |tile| {
             let (heights, version) = mirror.tile(tile);
@@ -191,7 +218,7 @@ impl Subscription {
             (tile, bytes)
         };
         let tiles = tiles.into_iter().map(encoded).collect();
-        Copied { stamp: mirror.stamp_at(frame), tiles, fresh, colliders }
+        Copied { stamp, tiles, fresh, colliders }
     }
 
     /// The message about what was copied, if anything in the view has changed.
@@ -201,8 +228,7 @@ impl Subscription {
         if first.is_none() && copied.tiles.is_empty() && colliders.is_none() {
             return None;
         }
-        let on_time = self.next + self.period;
-        self.next = if on_time > now { on_time } else { now + self.period };
+        self.turn = if first.is_some() { now } else { now.max(self.turn + self.period) };
         let head = Head {
             snapshot: matches!(first, Some(First::Snapshot | First::Lost)),
             id: self.id,

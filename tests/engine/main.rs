@@ -3,6 +3,7 @@
 mod arena;
 mod golden;
 mod kernels;
+mod render_shaders;
 mod shaders;
 mod sleep;
 mod support;

@@ -132,12 +132,13 @@ fn host_and_shaders_agree_on_every_struct() {
         module,
         Operation { kind, x0, z0, x1, z1, depth, mass, share, temperature, result, padding }
     );
+    compare_layout!(module, PackedGroup { changed_low, changed_high, first });
     compare_layout!(module, OperationResult { low, high });
     compare_layout!(
         module,
         SampleJob { session, first, x0, y0, z0, width, height, depth, rate, padding }
     );
-    compare_layout!(module, Pass { first, count, cycle, cycles, page, edited, padding });
+    compare_layout!(module, Pass { first, count, cycle, cycles, page, edited, length, padding });
 }
 
 #[test]

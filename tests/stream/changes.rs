@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::Message;
 
 use crate::client::Client;
-use crate::support::{self, Server, numbers, small};
+use crate::support::{Server, numbers, small};
 use crate::{on_each_backend, rounded, settling};
 
 on_each_backend!(

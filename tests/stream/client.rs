@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use tokio::net::{TcpSocket, TcpStream};
 use tokio::time::timeout;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
-use tokio_tungstenite::tungstenite::http::Request;
+use tokio_tungstenite::tungstenite::http::{HeaderName, Request};
 use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, client_async, connect_async};
 
@@ -140,6 +140,19 @@ fn request(server: &Server, session: &str, offered: &str) -> Request<()> {
     request_to(&server.url, session, offered)
 }
 
+/// A request with headers of its own; `session` may end in a query.
+pub fn request_with(server: &Server, session: &str, headers: &[(&str, &str)]) -> Request<()> {
+    let (path, query) = session.split_once('?').unwrap_or((session, ""));
+    let mut request = request_to(&server.url, path, "");
+    let uri = format!("{}?{query}", request.uri());
+    *request.uri_mut() = uri.parse().unwrap();
+    for (name, value) in headers {
+        let name = HeaderName::try_from(*name).unwrap();
+        request.headers_mut().insert(name, value.parse().unwrap());
+    }
+    request
+}
+
 fn request_to(server: &str, session: &str, offered: &str) -> Request<()> {
     let url = format!("{}{session}/stream", server.replace("http://", "ws://"));
     let mut request = url.into_client_request().unwrap();
@@ -159,7 +172,12 @@ pub async fn connect(server: &Server, session: &str, offered: &str) -> (Client, 
 
 /// Tries to open a stream that the server refuses; returns the status and the problem.
 pub async fn refused(server: &Server, session: &str, offered: &str) -> (u16, Value) {
-    match connect_async(request(server, session, offered)).await {
+    refusal(request(server, session, offered)).await
+}
+
+/// As [`refused`].
+pub async fn refusal(request: Request<()>) -> (u16, Value) {
+    match connect_async(request).await {
         Err(Error::Http(response)) => {
             assert_eq!(response.headers()["content-type"], "application/problem+json");
             let body = response.body().as_deref().unwrap_or_default();
@@ -173,6 +191,11 @@ impl Client {
     /// Opens a stream, and reads its welcome.
     pub async fn open(server: &Server, session: &str) -> Client {
         Client::open_as(server, session, "firn.v1.json").await
+    }
+
+    /// Opens a stream by a request of its own, and reads nothing.
+    pub async fn begin(request: Request<()>) -> Client {
+        Client::new(connect_async(request).await.unwrap().0)
     }
 
     /// As [`Client::open`], with a sub-protocol.

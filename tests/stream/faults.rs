@@ -15,7 +15,7 @@ use tokio::task::{JoinHandle, JoinSet};
 use tokio::time::{sleep, timeout};
 
 use crate::client::{Client, View};
-use crate::support::{self, Server, numbers};
+use crate::support::{Server, numbers};
 use crate::{on_each_backend, rounded, settling};
 
 on_each_backend!(

@@ -6,7 +6,7 @@ use firn::config::BackendChoice;
 use serde_json::{Value, json};
 
 use crate::client::Client;
-use crate::support::{self, Server, numbers, small};
+use crate::support::{Server, numbers, small};
 use crate::{on_each_backend, rounded, settling};
 
 on_each_backend!(

@@ -1,5 +1,6 @@
 //! What streams may take, and what they share.
 
+use std::num::NonZeroU32;
 use std::time::Duration;
 
 use firn::config::{BackendChoice, StreamConfig};
@@ -70,7 +71,7 @@ async fn a_client_that_lets_a_write_block_is_closed(backend: BackendChoice) {
     for id in 0..64 {
         stalled.send(json!({"op": "subscribe", "id": id, "quantum": 0.0001})).await;
     }
-    while server.app.endings.of(Cause::TooSlow) == 0 {
+    while server.app.metrics.streams.ended(Cause::TooSlow) == 0 {
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
     assert_eq!(stalled.close_code().await, 3008);
@@ -78,7 +79,8 @@ async fn a_client_that_lets_a_write_block_is_closed(backend: BackendChoice) {
 }
 
 async fn a_client_that_sends_too_many_commands_is_closed(backend: BackendChoice) {
-    let stream = StreamConfig { stream_commands_per_second: 1, ..StreamConfig::default() };
+    let stream =
+        StreamConfig { stream_commands_per_second: NonZeroU32::MIN, ..StreamConfig::default() };
     let server = Server::start_with(backend, Options { stream, ..Options::default() }).await;
     let session = server.create(support::small()).await;
     let mut client = Client::open(&server, &session).await;
@@ -88,7 +90,7 @@ async fn a_client_that_sends_too_many_commands_is_closed(backend: BackendChoice)
         }
     }
     assert_eq!(client.close_code().await, 3013);
-    assert_eq!(server.app.endings.of(Cause::TooManyCommands), 1);
+    assert_eq!(server.app.metrics.streams.ended(Cause::TooManyCommands), 1);
     server.stop().await;
 }
 

@@ -1,5 +1,6 @@
 //! The height stream, over a real socket to a real server.
 
+mod access;
 mod changes;
 mod client;
 mod faults;

@@ -6,8 +6,10 @@
 use std::time::Duration;
 
 use firn::cli::open_backend;
-use firn::config::{BackendChoice, EngineConfig, RequestConfig, StreamConfig};
-use firn::http::App;
+use firn::config::{
+    AccessConfig, BackendChoice, ConnectionConfig, EngineConfig, RequestConfig, StreamConfig,
+};
+use firn::http::{App, Gate};
 use firn::session::{Durability, Limits, Sessions, World, WorldConfig};
 use reqwest::header::{ACCEPT, CONTENT_TYPE, HeaderMap};
 use reqwest::{Client, Method};
@@ -50,11 +52,13 @@ pub fn skips_gpu() -> bool {
 }
 
 /// How a server is started.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Options {
     pub limits: Limits,
     pub requests: RequestConfig,
     pub stream: StreamConfig,
+    pub access: AccessConfig,
+    pub connections: ConnectionConfig,
     pub device_memory: Option<u64>,
 }
 
@@ -72,6 +76,8 @@ impl Default for Options {
                 request_timeout: Duration::from_secs(60),
             },
             stream: StreamConfig::default(),
+            access: AccessConfig::default(),
+            connections: ConnectionConfig::default(),
             device_memory: None,
         }
     }
@@ -177,7 +183,8 @@ impl Server {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port is free");
         let url = format!("http://{}", listener.local_addr().expect("it has an address"));
         let shutdown = CancellationToken::new();
-        let app = App { stream: options.stream, ..App::new(sessions.clone(), options.requests) };
+        let gate = Gate::new(&options.access, options.connections).expect("a sound configuration");
+        let app = App::new(sessions.clone(), options.requests, options.stream, gate);
         let serving = tokio::spawn(firn::http::run(listener, app.clone(), shutdown.clone()));
         Server {
             url,
@@ -202,6 +209,14 @@ impl Server {
         serving.await.expect("the server does not panic").expect("the server ends well");
         let world = self.world.take().expect("it is stopped once");
         tokio::task::spawn_blocking(move || world.stop()).await.expect("the world ends");
+    }
+
+    /// Sends a request with a token.
+    pub async fn send_as(&self, token: &str, method: Method, path: &str, body: &Value) -> Reply {
+        let bearer = format!("Bearer {token}");
+        let headers = [("authorization", &*bearer), ("content-type", "application/json")];
+        let body = if body.is_null() { Vec::new() } else { body.to_string().into_bytes() };
+        self.send(method, path, &headers, body).await
     }
 
     /// Sends a request.

@@ -11,7 +11,7 @@ use super::device::Device;
 use super::kernels::Resource;
 use super::layout::{self, AWAKE, DIRTY, NO_SESSION};
 use super::ranges::Ranges;
-use super::tables::PACKED_WORDS;
+use super::tables::PACKED_BYTES;
 
 /// Bytes of one row of 64 cells in one of a page's four buffers.
 const ROW_BYTES: u64 = 4 * TILE_COLUMNS as u64;
@@ -54,9 +54,9 @@ pub struct Lot {
 #[derive(Debug)]
 pub struct Arena {
     tiles: Ranges,
-    /// Tables with a row for each tile: tiles, states, tops; heights, filled slots and ground of
-    /// each tile's columns.
-    tables: [(Resource, Table); 6],
+    /// Tables with a row for each tile: tiles, states; heights, filled slots and ground of each
+    /// tile's columns.
+    tables: [(Resource, Table); 5],
     /// Pages by their numbers; the place of one that was released is free.
     pub pages: Vec<Option<Page>>,
     budget: u64,
@@ -65,7 +65,7 @@ pub struct Arena {
 }
 
 /// Bytes for each tile in the tables, in the order of `Arena::tables`.
-const TILE_BYTES: [u64; 6] = [16, 4, 4, ROW_BYTES, ROW_BYTES, ROW_BYTES];
+const TILE_BYTES: [u64; 5] = [16, 4, ROW_BYTES, ROW_BYTES, ROW_BYTES];
 
 impl Arena {
     /// An arena that takes no more than `budget` bytes.
@@ -81,7 +81,6 @@ impl Arena {
         let tables = [
             table(Resource::Tiles, "tiles"),
             table(Resource::States, "states"),
-            table(Resource::Tops, "tops"),
             table(Resource::Heights, "heights"),
             table(Resource::Filled, "filled"),
             table(Resource::Ground, "ground"),
@@ -170,7 +169,7 @@ impl Arena {
         }
         let old = self.tiles.capacity();
         // All tiles may be published in one frame.
-        let most = device.largest_binding() / (PACKED_WORDS * 4);
+        let most = device.largest_binding() / PACKED_BYTES;
         let wanted = u64::from(old).saturating_mul(2).max(u64::from(old) + u64::from(count));
         let capacity = wanted.min(most);
         if capacity < u64::from(old) + u64::from(count) {
@@ -312,22 +311,17 @@ impl Arena {
                 device.queue.write_buffer(buffer, u64::from(place.row) * ROW_BYTES, plane);
             }
         }
-        let (mut heights, mut filled, mut tops) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut heights, mut filled) = (Vec::new(), Vec::new());
         for cells in tiles {
-            let mut top = 0;
             for column in 0..TILE_COLUMNS {
                 heights.push(cells.column(column).map(|cell| cell.thickness).sum::<u32>());
-                let count = cells.column(column).count() as u32;
-                filled.push(count);
-                top = top.max(count);
+                filled.push(cells.column(column).count() as u32);
             }
-            tops.push(top);
         }
         let first = lot.tiles.start;
         self.write(device, Resource::Heights, first * TILE_COLUMNS, &heights);
         self.write(device, Resource::Filled, first * TILE_COLUMNS, &filled);
-        self.write(device, Resource::Tops, first, &tops);
-        self.write(device, Resource::States, first, &vec![AWAKE | DIRTY; tops.len()]);
+        self.write(device, Resource::States, first, &vec![AWAKE | DIRTY; tiles.len()]);
     }
 
     /// Marks tiles as nobody's.

@@ -2,6 +2,9 @@
 
 use bytemuck::Pod;
 
+/// Bytes of mail that travel together.
+const MAIL_BYTES: u64 = 1 << 18;
+
 /// Smallest buffer that is made, so that none is empty.
 const SMALLEST: u64 = 256;
 
@@ -48,6 +51,11 @@ impl Table {
         true
     }
 
+    /// Takes another buffer of the same size; whoever holds the old one keeps it.
+    pub fn replace(&mut self, device: &wgpu::Device) {
+        self.buffer = make(device, self.label, self.usage, self.size());
+    }
+
     /// A buffer of another size for the same, still without contents.
     pub fn another(&self, device: &wgpu::Device, size: u64) -> wgpu::Buffer {
         make(device, self.label, self.usage, size)
@@ -82,6 +90,51 @@ fn make(
     })
 }
 
+/// Carries what the host has to say to the device: all of it in one piece, through memory that is
+/// used again and again.
+#[derive(Debug)]
+pub struct Mail {
+    belt: wgpu::util::StagingBelt,
+    bytes: Vec<u8>,
+    /// Where each part goes: a buffer, an offset in it, and a number of bytes.
+    parts: Vec<(wgpu::Buffer, u64, u64)>,
+}
+
+impl Mail {
+    /// Nothing to say yet.
+    pub fn new(device: &wgpu::Device) -> Mail {
+        let belt = wgpu::util::StagingBelt::new(device.clone(), MAIL_BYTES);
+        Mail { belt, bytes: Vec::new(), parts: Vec::new() }
+    }
+
+    /// Adds bytes, a multiple of 4 of them.
+    pub fn write(&mut self, target: &wgpu::Buffer, offset: u64, bytes: &[u8]) {
+        if !bytes.is_empty() {
+            self.bytes.extend_from_slice(bytes);
+            self.parts.push((target.clone(), offset, bytes.len() as u64));
+        }
+    }
+
+    /// Encodes everything that was added, between the commands before and after.
+    pub fn send(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        let Some(size) = wgpu::BufferSize::new(self.bytes.len() as u64) else { return };
+        let slice = self.belt.allocate(size, wgpu::BufferSize::MIN);
+        let mut from = slice.offset();
+        for (target, offset, bytes) in self.parts.drain(..) {
+            encoder.copy_buffer_to_buffer(slice.buffer(), from, &target, offset, bytes);
+            from += bytes;
+        }
+        let mut view = slice.get_mapped_range_mut().expect("the belt's memory is mapped");
+        view.copy_from_slice(&self.bytes);
+        self.bytes.clear();
+    }
+
+    /// Ends what is sent in a submit; its memory comes back when the device has read it.
+    pub fn finish(&mut self, encoder: &wgpu::CommandEncoder) {
+        self.belt.finish_and_recall_on_submit(encoder);
+    }
+}
+
 /// Rows written by the host anew for every submit.
 #[derive(Debug)]
 pub struct Upload<T> {
@@ -113,15 +166,11 @@ impl<T: Pod> Upload<T> {
         self.rows.len() as u32
     }
 
-    /// Writes the rows to the device, ahead of the submit, and forgets them. Returns whether the
-    /// buffer was replaced.
-    pub fn flush(&mut self, device: &wgpu::Device, queue: &wgpu::Queue) -> bool {
-        if self.rows.is_empty() {
-            return false;
-        }
+    /// Gives the rows to the mail, and forgets them. Returns whether the buffer was replaced.
+    pub fn flush(&mut self, device: &wgpu::Device, mail: &mut Mail) -> bool {
         let bytes = bytemuck::cast_slice(&self.rows);
         let grew = self.table.reserve(device, bytes.len() as u64);
-        queue.write_buffer(self.table.buffer(), 0, bytes);
+        mail.write(self.table.buffer(), 0, bytes);
         self.rows.clear();
         grew
     }

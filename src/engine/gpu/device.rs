@@ -7,6 +7,7 @@ use tracing::warn;
 use crate::engine::frame::{DeviceInfo, EngineError};
 
 use super::kernels::{KERNELS, Resource};
+use super::stopwatch::STOPWATCH_FEATURES;
 
 /// A device, its queue, and the first thing that went wrong with it.
 #[derive(Debug)]
@@ -17,6 +18,8 @@ pub struct Device {
     pub queue: wgpu::Queue,
     /// Name and interface of the adapter.
     pub info: DeviceInfo,
+    /// Everything that the adapter says of itself.
+    pub adapter: wgpu::AdapterInfo,
     failure: Arc<Mutex<Option<String>>>,
 }
 
@@ -66,6 +69,7 @@ impl Device {
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("firn"),
             required_limits: limits,
+            required_features: adapter.features() & STOPWATCH_FEATURES,
             ..Default::default()
         }))
         .map_err(|error| error.to_string())?;
@@ -89,7 +93,11 @@ impl Device {
         Ok(Device {
             device,
             queue,
-            info: DeviceInfo { adapter: info.name, backend: info.backend.to_str().to_owned() },
+            info: DeviceInfo {
+                adapter: info.name.clone(),
+                backend: info.backend.to_str().to_owned(),
+            },
+            adapter: info,
             failure,
         })
     }
@@ -126,6 +134,12 @@ impl Device {
     pub fn largest_binding(&self) -> u64 {
         let limits = self.device.limits();
         limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    /// Whether frames are short enough to be waited for without going to sleep: a device of its
+    /// own leaves the host's processors alone meanwhile.
+    pub fn is_quick(&self) -> bool {
+        !matches!(self.adapter.device_type, wgpu::DeviceType::Cpu | wgpu::DeviceType::Other)
     }
 
     /// Workgroups along x and y for a number of them in all.

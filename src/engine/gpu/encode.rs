@@ -1,7 +1,8 @@
 //! A frame, turned into submits: one for each round of edits, the last of which also runs the
 //! cycles and copies out what is reported.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
+use std::ops::Range;
 
 use crate::engine::frame::{Edit, Frame, SampleBox, Slot, Work};
 
@@ -9,27 +10,28 @@ use super::GpuBackend;
 use super::kernels::KernelId;
 use super::plan::{Dispatch, Planner, Round};
 use super::readback::Copies;
-use super::resident::{self, Resident};
+use super::resident::{self, Residents};
 
 impl GpuBackend {
     /// Carries a frame out and begins to read back what came of it.
     pub(super) fn carry_out(&mut self, mut frame: Frame) {
-        frame.work.retain(|work| self.residents.contains_key(&work.slot));
-        let edits: Vec<u32> = frame.work.iter().map(|work| work.edits.len() as u32).collect();
-        let mut rounds = take_rounds(&mut frame.work);
+        let Survey { edits, mut rounds, tiles, groups, running, samples } = self.survey(&mut frame);
         let last = rounds.pop().unwrap_or_default();
 
-        let tiles = self.publishable_tiles(&frame.work);
         self.tables.fit_to(&self.device, &self.arena);
         let total = edits.iter().map(|&count| u64::from(count)).sum();
-        let samples = frame.work.iter().flat_map(|work| &work.samples).map(SampleBox::cells).sum();
-        let mut encoder = self.tables.begin_frame(&self.device, total, tiles, samples);
+        let mut encoder =
+            self.tables.begin_frame(&self.device, total, tiles, groups.len() as u64, samples);
+        if let Some(profile) = &mut self.profile {
+            profile.begin(&mut encoder);
+        }
         let mut evaluated = BTreeSet::new();
         for round in rounds {
             let (mut planner, residents) = self.planner(&mut evaluated);
             planner.edits(residents, round);
             let dispatches = planner.dispatches;
             self.encode(&mut encoder, &dispatches);
+            self.tables.mail.finish(&encoder);
             self.device.queue.submit([encoder.finish()]);
             encoder = self.device.device.create_command_encoder(&Default::default());
         }
@@ -40,22 +42,27 @@ impl GpuBackend {
         let always_awake = self.always_awake;
         let (mut planner, residents) = self.planner(&mut evaluated);
         planner.edits(residents, last);
-        planner.runs(residents, &frame.work, tile_end, &pages, always_awake);
-        planner.reports(residents, &frame.work, tile_end);
+        planner.runs(residents, &frame.work, running, tile_end, &pages, always_awake);
+        planner.reports(residents, &frame.work, &groups);
         planner.samples(residents, &frame.work);
         let dispatches = planner.dispatches;
         self.encode(&mut encoder, &dispatches);
 
-        let copies = Copies::new(&frame.work, &edits, &self.residents, &self.tables, tiles);
+        let copies = Copies::new(&frame.work, &edits, &self.residents, &self.tables, tiles, groups);
         self.readback.copy(&self.device, &mut encoder, &self.tables, copies);
-        let submission = self.device.queue.submit([encoder.finish()]);
+        if let Some(profile) = &self.profile {
+            profile.finish(&mut encoder);
+        }
+        self.tables.mail.finish(&encoder);
+        let buffer = encoder.finish();
+        let submission = self.device.queue.submit([buffer]);
         self.readback.begin(submission);
     }
 
     fn planner<'a>(
         &'a mut self,
         evaluated: &'a mut BTreeSet<Slot>,
-    ) -> (Planner<'a>, &'a mut BTreeMap<Slot, Resident>) {
+    ) -> (Planner<'a>, &'a mut Residents) {
         let planner = Planner {
             device: &self.device,
             arena: &self.arena,
@@ -66,15 +73,38 @@ impl GpuBackend {
         (planner, &mut self.residents)
     }
 
-    /// Most tiles that a frame can publish.
-    fn publishable_tiles(&self, work: &[Work]) -> u64 {
-        let published = work.iter().filter(|work| work.publish);
-        published.map(|work| self.residents[&work.slot].lot.places.len() as u64).sum()
+    /// Looks through the work of a frame, and takes the edits out of it.
+    fn survey(&self, frame: &mut Frame) -> Survey {
+        let mut found = Survey { edits: Vec::with_capacity(frame.work.len()), ..Survey::default() };
+        let mut number = 0;
+        frame.work.retain_mut(|work| {
+            let Some(resident) = self.residents.get(work.slot) else { return false };
+            found.edits.push(work.edits.len() as u32);
+            if !work.edits.is_empty() {
+                found.take_edits(work, number);
+                number += found.edits.last().copied().unwrap_or(0);
+            }
+            let own = &resident.lot.tiles;
+            if work.publish {
+                let own = own.start / 64..own.end.div_ceil(64);
+                found.groups = match &found.groups {
+                    groups if groups.is_empty() => own,
+                    groups => groups.start.min(own.start)..groups.end.max(own.end),
+                };
+                found.tiles += resident.lot.tiles.len() as u64;
+            }
+            if work.run.cycles > 0 {
+                found.running += own.len();
+            }
+            found.samples += work.samples.iter().map(SampleBox::cells).sum::<u64>();
+            true
+        });
+        found
     }
 
     /// Writes the rows that dispatches work on, and encodes the dispatches.
     fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, dispatches: &[Dispatch]) {
-        self.tables.flush(&self.device, &self.arena);
+        self.tables.flush(&self.device, encoder, &self.arena);
         for dispatch in dispatches {
             let (kernel, page) = (dispatch.kernel, dispatch.page);
             self.tables.bind(&self.device, &self.arena, &self.pipelines, kernel, page);
@@ -82,39 +112,69 @@ impl GpuBackend {
         if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
             self.tables.clear_schedule(encoder, &self.arena);
         }
-        let mut pass = encoder.begin_compute_pass(&Default::default());
+        match &mut self.profile {
+            None => {
+                let mut pass = encoder.begin_compute_pass(&Default::default());
+                dispatches.iter().for_each(|dispatch| self.dispatch(&mut pass, dispatch));
+            }
+            Some(_) => self.encode_timed(encoder, dispatches),
+        }
+    }
+
+    /// Encodes dispatches one by one, with a stamp before the first and after each.
+    fn encode_timed(&mut self, encoder: &mut wgpu::CommandEncoder, dispatches: &[Dispatch]) {
+        let Some(mut profile) = self.profile.take() else { return };
+        profile.stamp(encoder, None);
         for dispatch in dispatches {
-            let offset = dispatch.pass * super::tables::PASS_STRIDE;
-            let binding = self.tables.binding(dispatch.kernel, dispatch.page);
-            pass.set_pipeline(&self.pipelines[dispatch.kernel as usize].pipeline);
-            pass.set_bind_group(0, binding, &[offset]);
-            match dispatch.groups {
-                Some(groups) => {
-                    let (x, y) = self.device.groups(groups);
-                    pass.dispatch_workgroups(x, y, 1);
-                }
-                None => {
-                    let arguments = self.tables.arguments.buffer();
-                    pass.dispatch_workgroups_indirect(arguments, u64::from(dispatch.page) * 12);
-                }
+            self.dispatch(&mut encoder.begin_compute_pass(&Default::default()), dispatch);
+            profile.stamp(encoder, Some(dispatch.kernel));
+        }
+        self.profile = Some(profile);
+    }
+
+    fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>, dispatch: &Dispatch) {
+        let offset = dispatch.pass * super::tables::PASS_STRIDE;
+        let binding = self.tables.binding(dispatch.kernel, dispatch.page);
+        pass.set_pipeline(&self.pipelines[dispatch.kernel as usize].pipeline);
+        pass.set_bind_group(0, binding, &[offset]);
+        match dispatch.groups {
+            Some(groups) => {
+                let (x, y) = self.device.groups(groups);
+                pass.dispatch_workgroups(x, y, 1);
+            }
+            None => {
+                let arguments = self.tables.arguments.buffer();
+                pass.dispatch_workgroups_indirect(arguments, u64::from(dispatch.page) * 12);
             }
         }
     }
 }
 
-/// Takes the edits out of the work, round by round, each with its number in the frame.
-fn take_rounds(work: &mut [Work]) -> Vec<Vec<(Slot, Round)>> {
-    let mut rounds: Vec<Vec<(Slot, Round)>> = Vec::new();
-    let mut number = 0;
-    for work in work {
+/// What the work of a frame amounts to.
+#[derive(Default)]
+struct Survey {
+    /// Edits of each snowpack.
+    edits: Vec<u32>,
+    /// The edits, round by round, each with its number in the frame.
+    rounds: Vec<Vec<(Slot, Round)>>,
+    /// Most tiles that can be published, and the groups of 64 that they are among.
+    tiles: u64,
+    groups: Range<u32>,
+    /// Tiles of the snowpacks that run.
+    running: usize,
+    /// Cells of the fixed grid.
+    samples: u64,
+}
+
+impl Survey {
+    /// Takes the edits of one snowpack, the first of which has a number.
+    fn take_edits(&mut self, work: &mut Work, number: u32) {
         let edits: Vec<(u32, Edit)> = (number..).zip(std::mem::take(&mut work.edits)).collect();
-        number += edits.len() as u32;
         for (i, round) in resident::rounds(edits).into_iter().enumerate() {
-            if rounds.len() <= i {
-                rounds.push(Vec::new());
+            if self.rounds.len() <= i {
+                self.rounds.push(Vec::new());
             }
-            rounds[i].push((work.slot, round));
+            self.rounds[i].push((work.slot, round));
         }
     }
-    rounds
 }

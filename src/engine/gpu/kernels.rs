@@ -17,8 +17,6 @@ pub enum Resource {
     Tiles,
     /// Flags of each tile.
     States,
-    /// Most slots filled in a column of each tile.
-    Tops,
     /// Height of each column.
     Heights,
     /// Slots filled in each column.
@@ -53,7 +51,9 @@ pub enum Resource {
     Samples,
     /// Number of tiles packed for publication.
     PackedCount,
-    /// Tiles packed for publication.
+    /// Which tiles are packed, 64 at a time.
+    PackedGroups,
+    /// Heights of the tiles packed for publication.
     Packed,
     /// Mass of each cell of a page.
     Mass,
@@ -126,7 +126,6 @@ pub const KERNELS: [Kernel; 8] = [
             (Sessions, Read),
             (Tiles, Read),
             (States, Write),
-            (Tops, Write),
             (Heights, Write),
             (Filled, Write),
             (EditJobs, Read),
@@ -200,7 +199,7 @@ pub const KERNELS: [Kernel; 8] = [
             (Runs, Read),
             (Tiles, Read),
             (States, Write),
-            (Tops, Read),
+            (Filled, Read),
             (Heights, Write),
             (Tallies, Write),
             (Due, Read),
@@ -222,6 +221,7 @@ pub const KERNELS: [Kernel; 8] = [
             (Heights, Read),
             (Tallies, Write),
             (PackedCount, Write),
+            (PackedGroups, Write),
             (Packed, Write),
         ],
     },
@@ -229,7 +229,7 @@ pub const KERNELS: [Kernel; 8] = [
         name: "tally",
         entry_point: "tally",
         source: &[LAYOUT, include_str!("../../../shaders/tally.wgsl")],
-        bindings: &[(Work, Read), (Tiles, Read), (Tops, Read), (Tallies, Write), (Mass, Read)],
+        bindings: &[(Work, Read), (Tiles, Read), (Filled, Read), (Tallies, Write), (Mass, Read)],
     },
     Kernel {
         name: "sample",

@@ -272,6 +272,18 @@ pub struct OperationResult {
     pub high: u32,
 }
 
+/// Which tiles of 64 neighbours are packed for publication, and where the first of them is.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct PackedGroup {
+    /// A bit for each of the first 32 tiles.
+    pub changed_low: u32,
+    /// A bit for each of the other 32.
+    pub changed_high: u32,
+    /// The first packed one among all that are packed; the others follow in order.
+    pub first: u32,
+}
+
 /// A box of the fixed grid that is asked for.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -314,8 +326,10 @@ pub struct Pass {
     pub page: u32,
     /// Not 0 right after an edit.
     pub edited: u32,
+    /// Where the length of a list of tiles stands.
+    pub length: u32,
     /// Fills the row.
-    pub padding: [u32; 2],
+    pub padding: u32,
 }
 
 /// A 64-bit number of two words.

@@ -2,25 +2,29 @@
 
 mod arena;
 mod buffer;
-mod device;
+pub mod device;
 mod encode;
 pub mod kernels;
 pub mod layout;
+mod mapped;
 mod plan;
+mod profile;
 mod ranges;
 mod readback;
 mod resident;
+pub mod stopwatch;
 mod tables;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use super::frame::{Backend, DeviceInfo, EngineError, Frame, Layout, Outcome, Slot};
 use arena::Arena;
 use device::Device;
-use kernels::{KERNELS, Pipeline};
+use kernels::{KERNELS, KernelId, Pipeline};
+use profile::Profile;
 use readback::Readback;
-use resident::Resident;
+use resident::{Resident, Residents};
 use tables::Tables;
 
 /// The arena and its kernels on one device.
@@ -30,10 +34,11 @@ pub struct GpuBackend {
     pipelines: Vec<Pipeline>,
     arena: Arena,
     tables: Tables,
-    residents: BTreeMap<Slot, Resident>,
+    residents: Residents,
     readback: Readback,
     outcomes: VecDeque<Outcome>,
     always_awake: bool,
+    profile: Option<Profile>,
 }
 
 impl GpuBackend {
@@ -56,11 +61,28 @@ impl GpuBackend {
             pipelines,
             arena,
             tables,
-            residents: BTreeMap::new(),
+            residents: Residents::default(),
             readback,
             outcomes: VecDeque::new(),
             always_awake,
+            profile: None,
         })
+    }
+
+    /// Takes the time of every kernel from now on, which makes frames a little slower. Returns
+    /// whether the adapter can.
+    pub fn take_times(&mut self) -> bool {
+        self.profile = Profile::new(&self.device);
+        self.profile.is_some()
+    }
+
+    /// The kernels of the newest frame in their order, each with the time it took on the device,
+    /// where times are taken. The frame's outcome has to be polled before.
+    ///
+    /// # Errors
+    /// [`EngineError::DeviceFailed`].
+    pub fn kernel_times(&self) -> Result<Vec<(KernelId, Duration)>, EngineError> {
+        self.profile.as_ref().map_or(Ok(Vec::new()), |profile| profile.kernels(&self.device))
     }
 
     /// Fills all memory that no snowpack owns with rubbish, to show that none is ever read.
@@ -83,7 +105,7 @@ impl Backend for GpuBackend {
     }
 
     fn release(&mut self, slot: Slot) {
-        if let Some(resident) = self.residents.remove(&slot) {
+        if let Some(resident) = self.residents.remove(slot) {
             self.tables.forget_bodies(resident.bodies.values());
             self.arena.give_back(&self.device, resident.lot);
             // Bindings hold the buffers of pages that were released.

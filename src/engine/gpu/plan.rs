@@ -1,6 +1,7 @@
 //! The dispatches of a submit, and the rows they work on.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::engine::frame::{Contents, Edit, Placement, Slot, Work};
@@ -12,8 +13,11 @@ use super::kernels::KernelId;
 use super::layout::{
     CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run, SampleJob, WAKE,
 };
-use super::resident::{Body, Resident};
+use super::resident::{Body, Resident, Residents};
 use super::tables::Tables;
+
+/// Tiles that the host lists at the most, whether they are awake or not.
+const FEW_TILES: usize = 512;
 
 /// One dispatch of a kernel on the cells of a page, or on none.
 #[derive(Clone, Copy, Debug)]
@@ -58,11 +62,11 @@ struct Edited {
 impl Planner<'_> {
     /// Plans the edits of one round of all snowpacks: snow falls, then contacts and stresses are
     /// evaluated.
-    pub fn edits(&mut self, residents: &mut BTreeMap<Slot, Resident>, rounds: Vec<(Slot, Round)>) {
+    pub fn edits(&mut self, residents: &mut Residents, rounds: Vec<(Slot, Round)>) {
         let first_collider = self.tables.colliders.len();
         let mut edited = Edited::default();
         for (slot, round) in rounds {
-            if let Some(resident) = residents.get_mut(&slot) {
+            if let Some(resident) = residents.get_mut(slot) {
                 self.edit(slot, resident, round, &mut edited);
             }
         }
@@ -218,8 +222,9 @@ impl Planner<'_> {
     /// under objects one after another, with contacts and stresses evaluated before each.
     pub fn runs(
         &mut self,
-        residents: &BTreeMap<Slot, Resident>,
+        residents: &Residents,
         work: &[Work],
+        running_tiles: usize,
         tile_end: u32,
         pages: &[u32],
         always_awake: bool,
@@ -237,28 +242,65 @@ impl Planner<'_> {
                 always_awake: u32::from(always_awake),
             };
         }
-        if work.iter().any(|work| work.run.cycles > 0 || work.wake) {
-            let pass = Pass { count: tile_end, ..Pass::default() };
-            self.dispatch(KernelId::Schedule, 0, pass, tile_end.div_ceil(64));
-            let mut start = 0;
-            for (page, &rows) in (0..).zip(pages) {
-                if rows > 0 {
-                    let pass = Pass { first: start, cycles: u32::MAX, ..Pass::default() };
-                    let pass = self.tables.pass(pass);
-                    let kernel = KernelId::Compact;
-                    self.dispatches.push(Dispatch { kernel, page, pass, groups: None });
-                }
-                start += 1 + rows;
-            }
+        let wakes = work.iter().any(|work| work.wake);
+        if wakes || running_tiles > FEW_TILES {
+            self.scheduled_runs(tile_end, pages);
+        } else {
+            self.listed_runs(residents, work);
         }
         self.loaded_runs(residents, work);
     }
 
-    fn loaded_runs(&mut self, residents: &BTreeMap<Slot, Resident>, work: &[Work]) {
+    /// Tiles without objects, those that are due and awake listed by the device.
+    fn scheduled_runs(&mut self, tile_end: u32, pages: &[u32]) {
+        let pass = Pass { count: tile_end, ..Pass::default() };
+        self.dispatch(KernelId::Schedule, 0, pass, tile_end.div_ceil(64));
+        let mut first = pages.len() as u32;
+        for (page, &rows) in (0..).zip(pages) {
+            if rows > 0 {
+                let pass = Pass { first, length: page, cycles: u32::MAX, ..Pass::default() };
+                let pass = self.tables.pass(pass);
+                let kernel = KernelId::Compact;
+                self.dispatches.push(Dispatch { kernel, page, pass, groups: None });
+            }
+            first += rows;
+        }
+    }
+
+    /// Tiles without objects, all that are due listed by the host: where they are few, that is
+    /// faster than to ask the device which of them are awake.
+    fn listed_runs(&mut self, residents: &Residents, work: &[Work]) {
+        let mut lists: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for work in work.iter().filter(|work| work.run.cycles > 0) {
+            let Some(resident) = residents.get(work.slot) else { continue };
+            for (tile, place) in (0..).zip(&resident.lot.places) {
+                if !resident.loads.contains_key(&tile) {
+                    lists.entry(place.page).or_default().push(resident.lot.tiles.start + tile);
+                }
+            }
+        }
+        for (page, tiles) in lists {
+            let count = tiles.len() as u32;
+            let length = self.list(tiles);
+            let pass = Pass { first: length + 1, length, cycles: u32::MAX, ..Pass::default() };
+            self.dispatch(KernelId::Compact, page, pass, count);
+        }
+    }
+
+    /// Adds a list of tiles for `compact`, led by its length, and returns where that stands.
+    fn list(&mut self, tiles: impl IntoIterator<Item = u32, IntoIter: ExactSizeIterator>) -> u32 {
+        let first = self.tables.host_lists + self.tables.lists.len() as u32;
+        let tiles = tiles.into_iter();
+        self.tables.lists.push(tiles.len() as u32);
+        self.tables.lists.extend(tiles);
+        first
+    }
+
+    fn loaded_runs(&mut self, residents: &Residents, work: &[Work]) {
         let mut running: Vec<(u32, Slot, &Resident)> = work
             .iter()
             .filter(|work| work.run.cycles > 0)
-            .filter_map(|work| Some((work.run.cycles, work.slot, residents.get(&work.slot)?)))
+            .filter_map(|work| Some((work.run.cycles, work.slot, residents.get(work.slot)?)))
             .filter(|(_, _, resident)| !resident.bodies.is_empty())
             .collect();
         // The longest first, so that each cycle concerns the first ones of every list.
@@ -280,22 +322,20 @@ impl Planner<'_> {
         for (&page, jobs) in &jobs {
             let first_job = self.tables.load_jobs.len();
             self.tables.load_jobs.rows.extend(jobs.iter().map(|(_, job)| *job));
-            let first_tile = self.tables.host_lists + self.tables.lists.len() as u32;
-            self.tables.lists.push(jobs.len() as u32);
-            self.tables.lists.extend(jobs.iter().map(|(_, job)| job.tile));
-            lists.push((page, first_job, first_tile, jobs));
+            let length = self.list(jobs.iter().map(|(_, job)| job.tile));
+            lists.push((page, first_job, length, jobs));
         }
         for cycle in 0..most {
             let pass = Pass { cycle, cycles: 1, ..Pass::default() };
             let count = colliders.partition_point(|&cycles| cycles > cycle) as u32;
             let contact = Pass { first: first_collider, count, ..pass };
             self.dispatch(KernelId::Contact, 0, contact, count);
-            for &(page, first_job, first_tile, jobs) in &lists {
+            for &(page, first_job, length, jobs) in &lists {
                 let count = jobs.partition_point(|&(cycles, _)| cycles > cycle) as u32;
                 if count > 0 {
                     let stress = Pass { first: first_job, count, ..pass };
                     self.dispatch(KernelId::Stress, page, stress, count);
-                    let compact = Pass { first: first_tile, count, ..pass };
+                    let compact = Pass { first: length + 1, length, count, ..pass };
                     self.dispatch(KernelId::Compact, page, compact, count);
                 }
             }
@@ -303,12 +343,11 @@ impl Planner<'_> {
     }
 
     /// Plans what is reported of the snowpacks.
-    pub fn reports(&mut self, residents: &BTreeMap<Slot, Resident>, work: &[Work], tile_end: u32) {
-        if work.iter().any(|work| work.publish) {
-            let pass = Pass { count: tile_end, ..Pass::default() };
-            self.dispatch(KernelId::Publish, 0, pass, tile_end.div_ceil(64));
-        }
-        for resident in work.iter().filter(|w| w.tally).filter_map(|w| residents.get(&w.slot)) {
+    /// `groups` are those of 64 tiles in which there are tiles that publish.
+    pub fn reports(&mut self, residents: &Residents, work: &[Work], groups: &Range<u32>) {
+        let (first, count) = (groups.start, groups.len() as u32);
+        self.dispatch(KernelId::Publish, 0, Pass { first, count, ..Pass::default() }, count);
+        for resident in work.iter().filter(|w| w.tally).filter_map(|w| residents.get(w.slot)) {
             let pages: BTreeSet<u32> = resident.lot.places.iter().map(|place| place.page).collect();
             let (first, count) = (resident.lot.tiles.start, resident.lot.places.len() as u32);
             for page in pages {
@@ -319,10 +358,10 @@ impl Planner<'_> {
     }
 
     /// Plans the boxes of the fixed grid that are asked for.
-    pub fn samples(&mut self, residents: &BTreeMap<Slot, Resident>, work: &[Work]) {
+    pub fn samples(&mut self, residents: &Residents, work: &[Work]) {
         let mut first = 0;
         for (work, wanted) in work.iter().flat_map(|w| w.samples.iter().map(move |s| (w, s))) {
-            let Some(resident) = residents.get(&work.slot) else { continue };
+            let Some(resident) = residents.get(work.slot) else { continue };
             let job = self.tables.sample_jobs.push(SampleJob {
                 session: work.slot,
                 first,

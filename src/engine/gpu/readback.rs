@@ -1,29 +1,36 @@
 //! What a frame left on the device, copied out without ever blocking the frame itself.
 
-use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bytemuck::Pod;
+use rayon::prelude::*;
 
-use crate::engine::frame::{
-    EngineError, Outcome, SampleBox, Slot, TileCells, TileHeights, Work, WorkOutcome,
-};
+use crate::engine::frame::{EngineError, Outcome, SampleBox, Slot, TileCells, Work, WorkOutcome};
+use crate::engine::published::{Group, Published};
 use crate::snow::{Sample, TILE_COLUMNS};
 
 use super::arena::{Arena, Place};
 use super::buffer::Table;
 use super::device::Device;
 use super::layout::{self, join};
-use super::resident::Resident;
-use super::tables::{PACKED_WORDS, Tables};
+use super::mapped::Mapped;
+use super::resident::Residents;
+use super::tables::{PACKED_BYTES, Tables};
 
 /// Packed tiles that are copied before it is known how many there are, at the least.
 const FEWEST_PACKED: u64 = 256;
 
+/// Outcomes that one thread takes at the least.
+const FEWEST_AT_A_TIME: usize = 256;
+
 /// Bytes of cells that are copied out at a time.
 const CELLS_AT_ONCE: u64 = 64 << 20;
+
+/// Time for which a quick device is asked again and again, before the host goes to sleep.
+const WATCHFUL: Duration = Duration::from_millis(1);
 
 /// What is copied out, in order.
 #[derive(Debug, Default)]
@@ -35,57 +42,75 @@ pub struct Copies {
     /// Most tiles that may be packed, and how many are copied at once.
     packable: u64,
     packed: u64,
+    /// Groups of tiles that publish.
+    groups: Range<u32>,
     cells: Vec<(Place, u32)>,
     samples: u64,
-    /// First tile of each snowpack that publishes, with its slot: what packed tiles belong to.
-    tiles: BTreeMap<u32, Slot>,
 }
 
 /// One snowpack's part of what is copied out.
 #[derive(Debug)]
 struct WorkCopies {
     slot: Slot,
-    edits: u32,
+    /// Its edits, by their numbers in the frame.
+    edits: Range<u32>,
+    /// Its tiles, where it publishes.
+    tiles: Range<u32>,
     contacts: Vec<(Arc<str>, u32)>,
     gathered: usize,
-    samples: Vec<u64>,
+    samples: Vec<Range<u64>>,
 }
 
 impl Copies {
-    /// What the work of a frame reports; `edits` counts each one's edits.
+    /// What the work of a frame reports; `edits` counts each one's edits, `packable` tiles of some
+    /// groups may have changed.
     pub fn new(
         work: &[Work],
         edits: &[u32],
-        residents: &BTreeMap<Slot, Resident>,
+        residents: &Residents,
         tables: &Tables,
         packable: u64,
+        groups: Range<u32>,
     ) -> Copies {
         let mut copies = Copies {
+            work: Vec::with_capacity(work.len()),
             edits: edits.iter().map(|&count| u64::from(count)).sum(),
             tallies: tables.runs.len() as u64,
             packable,
+            groups,
             ..Copies::default()
         };
+        let mut number = 0;
         for (work, &edits) in work.iter().zip(edits) {
-            let resident = &residents[&work.slot];
             let mut contacts = Vec::new();
-            if work.publish {
-                copies.tiles.insert(resident.lot.tiles.start, work.slot);
-                contacts.extend(resident.bodies.iter().map(|(id, b)| (id.clone(), b.contact)));
+            let mut tiles = 0..0;
+            let reports = work.publish || !work.gather.is_empty();
+            if let Some(resident) = residents.get(work.slot).filter(|_| reports) {
+                if work.publish {
+                    tiles = resident.lot.tiles.clone();
+                    contacts.extend(resident.bodies.iter().map(|(id, b)| (id.clone(), b.contact)));
+                }
+                if !contacts.is_empty() {
+                    copies.contacts = u64::from(tables.contact_end());
+                }
+                let places = work.gather.iter().map(|&tile| resident.lot.places[tile as usize]);
+                copies.cells.extend(places.map(|place| (place, resident.lot.height)));
             }
-            if !contacts.is_empty() {
-                copies.contacts = u64::from(tables.contact_end());
-            }
-            let places = work.gather.iter().map(|&tile| resident.lot.places[tile as usize]);
-            copies.cells.extend(places.map(|place| (place, resident.lot.height)));
+            let mut sample = |wanted: &SampleBox| {
+                let first = copies.samples;
+                copies.samples += wanted.cells();
+                first..copies.samples
+            };
+            let samples = work.samples.iter().map(&mut sample).collect();
+            number += edits;
             copies.work.push(WorkCopies {
                 slot: work.slot,
-                edits,
+                edits: number - edits..number,
+                tiles,
                 contacts,
                 gathered: work.gather.len(),
-                samples: work.samples.iter().map(SampleBox::cells).collect(),
+                samples,
             });
-            copies.samples += work.samples.iter().map(SampleBox::cells).sum::<u64>();
         }
         copies
     }
@@ -109,6 +134,8 @@ struct Flight {
 #[derive(Debug)]
 pub struct Readback {
     table: Table,
+    /// Alive while an outcome still reads the buffer.
+    reader: Arc<()>,
     planned: Option<(Copies, u64)>,
     flight: Option<Flight>,
     /// Packed tiles that the last publication had.
@@ -121,6 +148,7 @@ impl Readback {
         let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         Readback {
             table: Table::new(&device.device, "readback", usage, 0),
+            reader: Arc::default(),
             planned: None,
             flight: None,
             last_packed: 0,
@@ -130,6 +158,15 @@ impl Readback {
     /// Whether no frame is on its way.
     pub fn is_idle(&self) -> bool {
         self.flight.is_none()
+    }
+
+    /// Makes room for bytes in a buffer that nobody reads.
+    fn reserve(&mut self, device: &Device, bytes: u64) {
+        if Arc::strong_count(&self.reader) > 1 {
+            self.table.replace(&device.device);
+            self.reader = Arc::default();
+        }
+        self.table.reserve(&device.device, bytes);
     }
 
     /// Encodes the copies out of a frame's results.
@@ -142,18 +179,9 @@ impl Readback {
     ) {
         // Publications are much alike: what the last one needed is mostly enough.
         copies.packed = copies.packable.min((2 * self.last_packed).max(FEWEST_PACKED));
-        let tally = std::mem::size_of::<layout::Tally>() as u64;
-        let contact = std::mem::size_of::<layout::Contact>() as u64;
-        let sources = [
-            (tables.tallies.buffer(), copies.tallies * tally),
-            (tables.operation_results.buffer(), copies.edits * 8),
-            (tables.contacts.buffer(), copies.contacts * contact),
-            (tables.packed_count.buffer(), 4),
-            (tables.packed.buffer(), copies.packed * PACKED_WORDS * 4),
-            (tables.samples.buffer(), copies.samples * std::mem::size_of::<Sample>() as u64),
-        ];
+        let sources = copies.sources(tables);
         let bytes = sources.iter().map(|(_, bytes)| bytes).sum::<u64>();
-        self.table.reserve(&device.device, bytes);
+        self.reserve(device, bytes);
         let target = self.table.buffer();
         let mut offset = 0;
         for (source, bytes) in sources {
@@ -184,27 +212,39 @@ impl Readback {
         patience: Duration,
     ) -> Result<Option<Outcome>, EngineError> {
         let Some(flight) = &self.flight else { return Ok(None) };
-        wait(device, &flight.submission, patience)?;
+        wait(device, &flight.submission, &flight.mapping, patience)?;
         match flight.mapping.load(Ordering::Acquire) {
             WAITING => return Ok(None),
             MAPPED => {}
             _ => return Err(unreadable()),
         }
         let Some(flight) = self.flight.take() else { return Ok(None) };
-        let bytes = read(self.table.buffer(), flight.bytes)?;
-        let (mut outcome, packed) = flight.copies.outcome(&bytes);
-        if flight.copies.packable > 0 {
+        let copies = &flight.copies;
+        let mut mapped = self.mapped(flight.bytes)?;
+        let (mut outcome, groups, packed) = copies.outcome(mapped.bytes());
+        if copies.packable > 0 {
             self.last_packed = packed;
         }
-        if packed > flight.copies.packed {
-            let rest = self.fetch_packed(device, tables, flight.copies.packed, packed)?;
-            flight.copies.add_tiles(&rest, &mut outcome);
+        if packed > copies.packed {
+            drop(mapped);
+            mapped = self.fetch_packed(device, tables, packed)?;
         }
-        let mut cells = self.fetch_cells(device, arena, &flight.copies.cells)?.into_iter();
-        for (work, wanted) in outcome.work.iter_mut().zip(&flight.copies.work) {
+        if packed > 0 {
+            mapped.keep(packed * PACKED_BYTES);
+            outcome.published = Published::new(copies.groups.start, groups, Box::new(mapped));
+        } else {
+            drop(mapped);
+        }
+        let mut cells = self.fetch_cells(device, arena, &copies.cells)?.into_iter();
+        for (work, wanted) in outcome.work.iter_mut().zip(&copies.work) {
             work.gathered = cells.by_ref().take(wanted.gathered).collect();
         }
         Ok(Some(outcome))
+    }
+
+    /// The bytes that have been mapped.
+    fn mapped(&self, bytes: u64) -> Result<Mapped, EngineError> {
+        Mapped::new(self.table.buffer(), bytes, self.reader.clone())
     }
 
     /// Fetches the cells of tiles, in portions; nothing has changed them since the frame.
@@ -224,7 +264,7 @@ impl Readback {
             left = rest;
             let plane = cells_bytes(*height);
             let bytes = plane * 4 * portion.len() as u64;
-            self.table.reserve(&device.device, bytes);
+            self.reserve(device, bytes);
             let mut encoder = device.device.create_command_encoder(&Default::default());
             let mut offset = 0;
             for (place, _) in portion {
@@ -236,8 +276,8 @@ impl Readback {
                     offset += plane;
                 }
             }
-            let bytes = self.fetch_now(device, encoder, bytes)?;
-            let mut reader = Reader(&bytes);
+            let mapped = self.fetch_now(device, encoder, bytes)?;
+            let mut reader = Reader(mapped.bytes());
             found.extend(portion.iter().map(|_| TileCells {
                 mass: reader.rows(plane / 4),
                 thickness: reader.rows(plane / 4),
@@ -254,17 +294,17 @@ impl Readback {
         device: &Device,
         encoder: wgpu::CommandEncoder,
         bytes: u64,
-    ) -> Result<Vec<u8>, EngineError> {
+    ) -> Result<Mapped, EngineError> {
         let submission = device.queue.submit([encoder.finish()]);
         let mapping = map(self.table.buffer(), bytes);
         while mapping.load(Ordering::Acquire) == WAITING {
-            wait(device, &submission, Duration::from_millis(100))?;
+            wait(device, &submission, &mapping, Duration::from_millis(100))?;
             device.check()?;
         }
         if mapping.load(Ordering::Acquire) == FAILED {
             return Err(unreadable());
         }
-        read(self.table.buffer(), bytes)
+        self.mapped(bytes)
     }
 
     /// Fetches packed tiles that were more than expected; they are still there.
@@ -272,17 +312,14 @@ impl Readback {
         &mut self,
         device: &Device,
         tables: &Tables,
-        first: u64,
-        end: u64,
-    ) -> Result<Vec<u32>, EngineError> {
-        let bytes = (end - first) * PACKED_WORDS * 4;
-        self.table.reserve(&device.device, bytes);
+        count: u64,
+    ) -> Result<Mapped, EngineError> {
+        let bytes = count * PACKED_BYTES;
+        self.reserve(device, bytes);
         let mut encoder = device.device.create_command_encoder(&Default::default());
-        let offset = first * PACKED_WORDS * 4;
         let target = self.table.buffer();
-        encoder.copy_buffer_to_buffer(tables.packed.buffer(), offset, target, 0, bytes);
-        let bytes = self.fetch_now(device, encoder, bytes)?;
-        Ok(bytemuck::pod_collect_to_vec(&bytes))
+        encoder.copy_buffer_to_buffer(tables.packed.buffer(), 0, target, 0, bytes);
+        self.fetch_now(device, encoder, bytes)
     }
 }
 
@@ -304,88 +341,112 @@ fn map(buffer: &wgpu::Buffer, bytes: u64) -> Arc<AtomicU8> {
     mapping
 }
 
-/// Lets the device call back, for no longer than `patience`.
+/// Lets the device call back until the mapping stands, for no longer than `patience`.
 fn wait(
     device: &Device,
     submission: &wgpu::SubmissionIndex,
+    mapping: &AtomicU8,
     patience: Duration,
 ) -> Result<(), EngineError> {
+    let failed = |error: wgpu::PollError| EngineError::DeviceFailed(error.to_string());
+    if device.is_quick() {
+        // Waking up takes longer than a short frame.
+        let begun = Instant::now();
+        while begun.elapsed() < WATCHFUL.min(patience) {
+            device.device.poll(wgpu::PollType::Poll).map_err(failed)?;
+            if mapping.load(Ordering::Acquire) != WAITING {
+                return Ok(());
+            }
+            std::thread::yield_now();
+        }
+    }
     let poll = wgpu::PollType::Wait {
         submission_index: Some(submission.clone()),
         timeout: Some(patience),
     };
     match device.device.poll(poll) {
         Ok(_) | Err(wgpu::PollError::Timeout) => Ok(()),
-        Err(error) => Err(EngineError::DeviceFailed(error.to_string())),
+        Err(error) => Err(failed(error)),
     }
-}
-
-/// Copies a mapped buffer out and unmaps it.
-fn read(buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, EngineError> {
-    let view = buffer
-        .get_mapped_range(..bytes)
-        .map_err(|error| EngineError::DeviceFailed(error.to_string()))?;
-    let copy = view.to_vec();
-    drop(view);
-    buffer.unmap();
-    Ok(copy)
 }
 
 /// Takes rows off the front of bytes.
 struct Reader<'a>(&'a [u8]);
 
-impl Reader<'_> {
-    fn rows<T: Pod>(&mut self, count: u64) -> Vec<T> {
+impl<'a> Reader<'a> {
+    /// A number of rows, where they lie.
+    fn slice<T: Pod>(&mut self, count: u64) -> &'a [T] {
         let (rows, rest) = self.0.split_at(count as usize * std::mem::size_of::<T>());
         self.0 = rest;
-        bytemuck::pod_collect_to_vec(rows)
+        bytemuck::cast_slice(rows)
+    }
+
+    fn rows<T: Pod>(&mut self, count: u64) -> Vec<T> {
+        self.slice(count).to_vec()
     }
 }
 
 impl Copies {
-    /// The outcome, and how many tiles were packed in all.
-    fn outcome(&self, bytes: &[u8]) -> (Outcome, u64) {
-        let mut reader = Reader(bytes);
-        let tallies: Vec<layout::Tally> = reader.rows(self.tallies);
-        let results: Vec<layout::OperationResult> = reader.rows(self.edits);
-        let contacts: Vec<layout::Contact> = reader.rows(self.contacts);
-        let count = u64::from(reader.rows::<u32>(1)[0]);
-        let packed: Vec<u32> = reader.rows(self.packed * PACKED_WORDS);
-        let samples: Vec<Sample> = reader.rows(self.samples);
-        let mut samples = samples.into_iter();
-        let mut outcome = Outcome::default();
-        let mut results = results.into_iter().map(|row| join(row.low, row.high));
-        for work in &self.work {
+    /// What is copied out and how many bytes of it, the packed heights first.
+    fn sources<'a>(&self, tables: &'a Tables) -> [(&'a wgpu::Buffer, u64); 7] {
+        fn bytes<T>(count: u64) -> u64 {
+            count * std::mem::size_of::<T>() as u64
+        }
+        let groups = self.groups.len() as u64;
+        [
+            (tables.packed.buffer(), self.packed * PACKED_BYTES),
+            (tables.packed_groups.buffer(), bytes::<layout::PackedGroup>(groups)),
+            (tables.packed_count.buffer(), bytes::<u32>(self.count_words())),
+            (tables.tallies.buffer(), bytes::<layout::Tally>(self.tallies)),
+            (tables.operation_results.buffer(), bytes::<layout::OperationResult>(self.edits)),
+            (tables.contacts.buffer(), bytes::<layout::Contact>(self.contacts)),
+            (tables.samples.buffer(), bytes::<Sample>(self.samples)),
+        ]
+    }
+
+    /// Words of the number of packed tiles: none where nothing publishes.
+    fn count_words(&self) -> u64 {
+        u64::from(!self.groups.is_empty())
+    }
+
+    /// The outcome without heights, the groups of packed tiles, and how many were packed in all.
+    fn outcome(&self, bytes: &[u8]) -> (Outcome, Vec<Group>, u64) {
+        let mut reader = Reader(&bytes[(self.packed * PACKED_BYTES) as usize..]);
+        let groups: &[layout::PackedGroup] = reader.slice(self.groups.len() as u64);
+        let count = reader.slice::<u32>(self.count_words()).first().copied().unwrap_or(0);
+        let tallies: &[layout::Tally] = reader.slice(self.tallies);
+        let results: &[layout::OperationResult] = reader.slice(self.edits);
+        let contacts: &[layout::Contact] = reader.slice(self.contacts);
+        let samples: &[Sample] = reader.slice(self.samples);
+        let of = |work: &WorkCopies| {
             let tally = tallies[work.slot as usize];
             let contact =
                 |(id, row): &(Arc<str>, u32)| (id.clone(), contacts[*row as usize].into());
-            outcome.work.push(WorkOutcome {
+            let edits = &results[work.edits.start as usize..work.edits.end as usize];
+            let sample =
+                |range: &Range<u64>| samples[range.start as usize..range.end as usize].to_vec();
+            WorkOutcome {
                 slot: work.slot,
-                edits: results.by_ref().take(work.edits as usize).collect(),
+                edits: edits.iter().map(|row| join(row.low, row.high)).collect(),
                 last_change: tally.last_change,
+                tiles: work.tiles.clone(),
                 active_tiles: tally.active_tiles,
                 mass: join(tally.mass_low, tally.mass_high),
                 contacts: work.contacts.iter().map(contact).collect(),
                 gathered: Vec::new(),
-                samples: work
-                    .samples
-                    .iter()
-                    .map(|&count| samples.by_ref().take(count as usize).collect())
-                    .collect(),
-            });
-        }
-        let copied = count.min(self.packed) * PACKED_WORDS;
-        self.add_tiles(&packed[..copied as usize], &mut outcome);
-        (outcome, count)
-    }
-
-    /// Adds packed tiles to an outcome.
-    fn add_tiles(&self, packed: &[u32], outcome: &mut Outcome) {
-        for entry in packed.chunks_exact(PACKED_WORDS as usize) {
-            let Some((&first, &slot)) = self.tiles.range(..=entry[0]).next_back() else { continue };
-            let mut heights = [0; TILE_COLUMNS as usize];
-            heights.copy_from_slice(&entry[1..]);
-            outcome.tiles.push(TileHeights { slot, tile: entry[0] - first, heights });
-        }
+                samples: work.samples.iter().map(sample).collect(),
+            }
+        };
+        let work = if self.work.len() < 2 * FEWEST_AT_A_TIME {
+            self.work.iter().map(of).collect()
+        } else {
+            self.work.par_iter().with_min_len(FEWEST_AT_A_TIME).map(of).collect()
+        };
+        let outcome = Outcome { work, ..Outcome::default() };
+        let group = |row: &layout::PackedGroup| Group {
+            changed: join(row.changed_low, row.changed_high),
+            first: row.first,
+        };
+        (outcome, groups.iter().map(group).collect(), count.into())
     }
 }

@@ -9,6 +9,35 @@ use crate::snow::GRAVITY;
 use super::arena::Lot;
 use super::layout;
 
+/// Snowpacks on the device, by their slots.
+#[derive(Debug, Default)]
+pub struct Residents(Vec<Option<Resident>>);
+
+impl Residents {
+    /// The snowpack in a slot.
+    pub fn get(&self, slot: Slot) -> Option<&Resident> {
+        self.0.get(slot as usize)?.as_ref()
+    }
+
+    /// The snowpack in a slot.
+    pub fn get_mut(&mut self, slot: Slot) -> Option<&mut Resident> {
+        self.0.get_mut(slot as usize)?.as_mut()
+    }
+
+    /// Puts a snowpack into a slot.
+    pub fn insert(&mut self, slot: Slot, resident: Resident) {
+        if self.0.len() <= slot as usize {
+            self.0.resize_with(slot as usize + 1, || None);
+        }
+        self.0[slot as usize] = Some(resident);
+    }
+
+    /// Takes the snowpack out of a slot.
+    pub fn remove(&mut self, slot: Slot) -> Option<Resident> {
+        self.0.get_mut(slot as usize)?.take()
+    }
+}
+
 /// A snowpack on the device.
 #[derive(Debug)]
 pub struct Resident {

@@ -6,7 +6,7 @@ use crate::engine::frame::Slot;
 use crate::snow::{Sample, TILE_COLUMNS};
 
 use super::arena::Arena;
-use super::buffer::{Table, Upload};
+use super::buffer::{Mail, Table, Upload};
 use super::device::Device;
 use super::kernels::{KERNELS, KernelId, Pipeline, Resource};
 use super::layout::{self, Pass};
@@ -16,8 +16,8 @@ use super::resident::Body;
 /// Bytes from one row of the uniform table to the next; a dynamic offset has to be a multiple.
 pub const PASS_STRIDE: u32 = 256;
 
-/// Words of a packed tile: its index and its heights.
-pub const PACKED_WORDS: u64 = 1 + TILE_COLUMNS as u64;
+/// Bytes of a packed tile's heights.
+pub const PACKED_BYTES: u64 = 4 * TILE_COLUMNS as u64;
 
 /// A row of the uniform table, as far apart as the device asks for.
 #[repr(C)]
@@ -39,7 +39,7 @@ pub struct Tables {
     /// How each object touches the snow.
     pub contacts: Table,
     contact_rows: Ranges,
-    page_starts: Upload<u32>,
+    page_starts: Table,
     due: Table,
     /// Arguments of the indirect dispatches.
     pub arguments: Table,
@@ -71,8 +71,12 @@ pub struct Tables {
     pub samples: Table,
     /// Number of packed tiles.
     pub packed_count: Table,
+    /// Which tiles are packed.
+    pub packed_groups: Table,
     /// Packed tiles.
     pub packed: Table,
+    /// What the host says in the next submit.
+    pub mail: Mail,
     bindings: HashMap<(KernelId, u32), wgpu::BindGroup>,
     arena_generation: u64,
 }
@@ -82,7 +86,6 @@ impl Tables {
     pub fn new(device: &Device) -> Tables {
         use wgpu::BufferUsages as Usage;
         let device = &device.device;
-        let host = |label| Upload::new(device, label, Usage::STORAGE);
         let table = |label, usage| {
             let usage = usage | Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
             Table::new(device, label, usage, 0)
@@ -94,7 +97,7 @@ impl Tables {
             tallies: table("tallies", Usage::empty()),
             contacts: table("contacts", Usage::empty()),
             contact_rows: Ranges::default(),
-            page_starts: host("page starts"),
+            page_starts: table("page starts", Usage::empty()),
             due: table("due", Usage::empty()),
             arguments: table("arguments", Usage::INDIRECT),
             host_lists: 0,
@@ -104,14 +107,16 @@ impl Tables {
             colliders: Upload::new(device, "colliders", Usage::STORAGE),
             spans: Upload::new(device, "spans", Usage::STORAGE),
             load_jobs: Upload::new(device, "load jobs", Usage::STORAGE),
-            loads: host("loads"),
+            loads: Upload::new(device, "loads", Usage::STORAGE),
             edit_jobs: Upload::new(device, "edit jobs", Usage::STORAGE),
             operations: Upload::new(device, "operations", Usage::STORAGE),
             sample_jobs: Upload::new(device, "sample jobs", Usage::STORAGE),
             samples: table("samples", Usage::empty()),
             operation_results: table("operation results", Usage::empty()),
             packed_count: table("packed count", Usage::empty()),
+            packed_groups: table("packed groups", Usage::empty()),
             packed: table("packed", Usage::empty()),
+            mail: Mail::new(device),
             bindings: HashMap::new(),
             arena_generation: u64::MAX,
         }
@@ -177,14 +182,17 @@ impl Tables {
         }
         self.arena_generation = arena.generation;
         self.bindings.clear();
-        let mut start = 0;
+        let mut starts = Vec::with_capacity(arena.pages.len());
+        // The lengths of the lists come first, so that they are cleared at once.
+        self.host_lists = arena.pages.len() as u32;
         for page in 0..arena.pages.len() {
-            self.page_starts.push(start);
+            starts.push(self.host_lists);
             // No tile has less than one row of cells.
-            start += 1 + arena.page_rows(page);
+            self.host_lists += arena.page_rows(page);
         }
-        self.host_lists = start;
-        self.page_starts.flush(&device.device, &device.queue);
+        let bytes: &[u8] = bytemuck::cast_slice(&starts);
+        self.page_starts.reserve(&device.device, bytes.len() as u64);
+        device.queue.write_buffer(self.page_starts.buffer(), 0, bytes);
         self.arguments.reserve(&device.device, arena.pages.len() as u64 * 12);
     }
 
@@ -194,14 +202,17 @@ impl Tables {
         device: &Device,
         edits: u64,
         tiles: u64,
+        groups: u64,
         samples: u64,
     ) -> wgpu::CommandEncoder {
         let d = &device.device;
         let tally = std::mem::size_of::<layout::Tally>() as u64;
+        let group = std::mem::size_of::<layout::PackedGroup>() as u64;
         let grew = [
             self.tallies.reserve(d, self.runs.len() as u64 * tally),
             self.operation_results.reserve(d, edits * 8),
-            self.packed.reserve(d, tiles * PACKED_WORDS * 4),
+            self.packed_groups.reserve(d, groups * group),
+            self.packed.reserve(d, tiles * PACKED_BYTES),
             self.samples.reserve(d, samples * std::mem::size_of::<Sample>() as u64),
         ];
         if grew.contains(&true) {
@@ -209,27 +220,34 @@ impl Tables {
         }
         let mut encoder = d.create_command_encoder(&Default::default());
         encoder.clear_buffer(self.tallies.buffer(), 0, None);
-        encoder.clear_buffer(self.operation_results.buffer(), 0, None);
-        encoder.clear_buffer(self.packed_count.buffer(), 0, None);
+        if edits > 0 {
+            encoder.clear_buffer(self.operation_results.buffer(), 0, None);
+        }
+        if groups > 0 {
+            encoder.clear_buffer(self.packed_count.buffer(), 0, None);
+        }
         encoder
     }
 
-    /// Writes everything the host has to say in this submit, ahead of it.
-    pub fn flush(&mut self, device: &Device, arena: &Arena) {
-        for (tile, row) in self.tile_rows.drain(..) {
-            arena.write(device, Resource::Tiles, tile, &[row]);
+    /// Encodes everything that the host has to say in this submit.
+    pub fn flush(&mut self, device: &Device, encoder: &mut wgpu::CommandEncoder, arena: &Arena) {
+        let (d, mail) = (&device.device, &mut self.mail);
+        if let Some(tiles) = arena.table(Resource::Tiles) {
+            for (tile, row) in self.tile_rows.drain(..) {
+                let bytes = bytemuck::bytes_of(&row);
+                mail.write(tiles, u64::from(tile) * bytes.len() as u64, bytes);
+            }
         }
-        let (d, q) = (&device.device, &device.queue);
         let lists = u64::from(self.host_lists) * 4;
         let grew = [
-            self.passes.flush(d, q),
-            self.colliders.flush(d, q),
-            self.spans.flush(d, q),
-            self.load_jobs.flush(d, q),
-            self.loads.flush(d, q),
-            self.edit_jobs.flush(d, q),
-            self.operations.flush(d, q),
-            self.sample_jobs.flush(d, q),
+            self.passes.flush(d, mail),
+            self.colliders.flush(d, mail),
+            self.spans.flush(d, mail),
+            self.load_jobs.flush(d, mail),
+            self.loads.flush(d, mail),
+            self.edit_jobs.flush(d, mail),
+            self.operations.flush(d, mail),
+            self.sample_jobs.flush(d, mail),
             self.due.reserve(d, lists + self.lists.len() as u64 * 4),
             self.runs_buffer.reserve(d, self.runs.len() as u64 * 16),
         ]
@@ -237,18 +255,15 @@ impl Tables {
         if grew {
             self.bindings.clear();
         }
-        q.write_buffer(self.due.buffer(), lists, bytemuck::cast_slice(&self.lists));
-        q.write_buffer(self.runs_buffer.buffer(), 0, bytemuck::cast_slice(&self.runs));
+        mail.write(self.due.buffer(), lists, bytemuck::cast_slice(&self.lists));
+        mail.write(self.runs_buffer.buffer(), 0, bytemuck::cast_slice(&self.runs));
+        mail.send(encoder);
         self.lists.clear();
     }
 
     /// Clears the lists of due tiles and the arguments made of their lengths.
     pub fn clear_schedule(&self, encoder: &mut wgpu::CommandEncoder, arena: &Arena) {
-        let mut start = 0;
-        for page in 0..arena.pages.len() {
-            encoder.clear_buffer(self.due.buffer(), start * 4, Some(4));
-            start += 1 + u64::from(arena.page_rows(page));
-        }
+        encoder.clear_buffer(self.due.buffer(), 0, Some(arena.pages.len() as u64 * 4));
         encoder.clear_buffer(self.arguments.buffer(), 0, None);
     }
 
@@ -320,6 +335,7 @@ impl Tables {
             Resource::SampleJobs => self.sample_jobs.buffer(),
             Resource::Samples => self.samples.buffer(),
             Resource::PackedCount => self.packed_count.buffer(),
+            Resource::PackedGroups => self.packed_groups.buffer(),
             Resource::Packed => self.packed.buffer(),
             Resource::Mass => cells(0),
             Resource::Thickness => cells(1),
@@ -327,7 +343,6 @@ impl Tables {
             Resource::Stress => cells(3),
             Resource::Tiles
             | Resource::States
-            | Resource::Tops
             | Resource::Heights
             | Resource::Filled
             | Resource::Ground => {

@@ -11,11 +11,11 @@ use crate::http::docs::{ParameterProblems, SessionPath, SessionProblems};
 use crate::http::extract::{FromQuery, Query, Segments};
 use crate::http::query::Params;
 use crate::http::state::App;
-use crate::problem::{FieldError, Problem};
+use crate::problem::Problem;
 use crate::session::{MOST_SAMPLES, Session, Stamp};
 use crate::snow::{ColumnRect, Content, Sample};
 
-use super::{off_thread, stamp_headers};
+use super::{off_thread, span, stamp_headers};
 
 /// Which cells are asked for, and what of them.
 #[derive(Debug, IntoParams)]
@@ -238,26 +238,11 @@ pub async fn get(
 fn window(query: &CellsQuery, session: &Session) -> Result<(ColumnRect, u32, u32), Problem> {
     let grid = session.spec.grid;
     let mut errors = Vec::new();
-    let mut span = |names: (&str, &str), first: Option<u32>, count: Option<u32>, cells: u32| {
-        let start = first.unwrap_or(0);
-        if start >= cells {
-            let detail = format!("{start} is outside the grid's cells 0 to {}", cells - 1);
-            errors.push(FieldError { pointer: names.0.to_owned(), detail });
-            return (0, 0);
-        }
-        let most = cells - start;
-        let count = count.unwrap_or(most);
-        if count > most {
-            let detail = format!("{count} from {start} on reach beyond the grid; {most} fit");
-            errors.push(FieldError { pointer: names.1.to_owned(), detail });
-            return (0, 0);
-        }
-        (start, count)
-    };
-    let (x0, width) = span(("column_x", "width"), query.column_x, query.width, grid.width);
-    let (z0, depth) = span(("column_z", "depth"), query.column_z, query.depth, grid.depth);
+    let mut span = |names, first, count, cells| span(names, first, count, cells, &mut errors);
+    let (x0, width) = span(["column_x", "width"], query.column_x, query.width, grid.width);
+    let (z0, depth) = span(["column_z", "depth"], query.column_z, query.depth, grid.depth);
     let cells_y = session.sampled_height();
-    let (y0, height) = span(("cell_y", "height"), query.cell_y, query.height, cells_y);
+    let (y0, height) = span(["cell_y", "height"], query.cell_y, query.height, cells_y);
     if !errors.is_empty() {
         return Err(Problem::invalid(errors));
     }

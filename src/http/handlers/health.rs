@@ -24,14 +24,25 @@ pub struct Readiness {
     adapter: String,
     /// Graphics interface, or `cpu`.
     backend: String,
-    /// `open`: nobody is asked for a token.
-    auth: &'static str,
+    /// Whether clients are asked for tokens.
+    auth: Auth,
     /// Sessions there are.
     sessions: usize,
     /// Most sessions there may be.
     capacity: usize,
-    /// Whether a session could be created now.
+    /// Whether a session should be created here: there is room for one, and frames keep up with
+    /// the clock.
     schedulable: bool,
+}
+
+/// Whether clients are asked for tokens.
+#[derive(Debug, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Auth {
+    /// Nobody is asked.
+    Open,
+    /// Everybody is: the API key, or a session's token.
+    Required,
 }
 
 /// Whether requests are served.
@@ -91,10 +102,10 @@ pub async fn readyz(State(app): State<App>) -> (StatusCode, Answer<Readiness>) {
         status,
         adapter: device.adapter.clone(),
         backend: device.backend.clone(),
-        auth: "open",
+        auth: if app.gate.access.is_open() { Auth::Open } else { Auth::Required },
         sessions,
         capacity,
-        schedulable: ready && sessions < capacity,
+        schedulable: ready && sessions < capacity && !app.sessions.vitals().is_overloaded(),
     };
     let code = if ready { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
     (code, Answer(readiness))

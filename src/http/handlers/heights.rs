@@ -10,7 +10,7 @@ use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
 use crate::http::accept;
-use crate::http::docs::{ParameterProblems, SessionPath, SessionProblems};
+use crate::http::docs::{Held, ParameterProblems, SessionPath, SessionProblems};
 use crate::http::etag;
 use crate::http::extract::{FromQuery, Query, Segments};
 use crate::http::query::Params;
@@ -49,7 +49,7 @@ pub struct HeightsQuery {
     #[param(minimum = 1)]
     depth: Option<u32>,
     /// Columns from one sample to the next: 1, 2, 4 or 8.
-    #[param(default = 1)]
+    #[param(minimum = 1, maximum = 8, default = 1)]
     stride: Option<u32>,
     /// Adds the elevation of the ground.
     #[param(default = false)]
@@ -120,16 +120,6 @@ pub struct GreyImage(Vec<u8>);
 #[schema(value_type = String, format = Binary)]
 #[expect(dead_code, reason = "it only describes the answer")]
 pub struct NumpyArray(Vec<u8>);
-
-/// What a client may hold already.
-#[derive(IntoParams)]
-#[into_params(parameter_in = Header)]
-#[expect(dead_code, reason = "it only describes the parameter")]
-pub struct Held {
-    /// ETags of what the client holds, or `*`; compared weakly.
-    #[param(rename = "If-None-Match")]
-    if_none_match: Option<String>,
-}
 
 /// Read snow depths
 ///

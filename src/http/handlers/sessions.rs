@@ -8,6 +8,7 @@ use axum::response::{IntoResponse, Response};
 use crate::http::docs::{BodyProblems, ParameterProblems, SessionPath, SessionProblems};
 use crate::http::extract::{FromQuery, Json, OptionalJson, Query, Segments, media_type, read_body};
 use crate::http::handlers::snapshots::SnapshotBytes;
+use crate::http::handlers::tokens::SECRET;
 use crate::http::page::{Page, PageQuery};
 use crate::http::query::Params;
 use crate::http::state::App;
@@ -77,7 +78,8 @@ pub async fn create(
         token: tokens.token,
         viewer_token: tokens.viewer_token,
     };
-    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Answer(created)).into_response())
+    let location = [(header::LOCATION, location)];
+    Ok((StatusCode::CREATED, location, [SECRET], Answer(created)).into_response())
 }
 
 /// How a restored session is to be called.

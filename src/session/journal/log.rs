@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 
 use super::{Ack, Entry, Event, Identity, Mark, Record, Stored, Submission};
@@ -63,11 +64,6 @@ impl Log {
         self.generation
     }
 
-    /// Number of the next entry.
-    pub fn next(&self) -> u64 {
-        self.next
-    }
-
     /// Notes a change that goes with the next frame.
     pub fn record(&mut self, tick: u64, event: Event) {
         if self.events.is_empty() {
@@ -104,13 +100,13 @@ impl Log {
     }
 
     /// Notes that a checkpoint of the present state has been taken.
-    pub fn cover(&mut self) {
+    fn cover(&mut self) {
         self.covered = self.next;
         self.outdated = None;
     }
 
     /// What the last frame left to be made durable; `ran` says whether it had cycles.
-    pub fn take(
+    fn take(
         &mut self,
         key: u64,
         tick: u64,
@@ -155,6 +151,27 @@ impl Log {
     /// Everybody who waits.
     pub fn take_acks(&mut self) -> Vec<Ack> {
         std::mem::take(&mut self.acks)
+    }
+}
+
+/// What a frame has left of a session for the journal.
+pub(crate) struct Left {
+    pub submission: Option<Submission>,
+    /// Life of the session, number of the first entry that is not in it, and the snapshot.
+    pub checkpoint: Option<(u64, u64, Box<Taken>)>,
+}
+
+impl Simulation {
+    /// What the last frame has left for the journal.
+    pub(in crate::session) fn leave(&mut self) -> Left {
+        let (tick, ran) = (self.clock.tick(), self.flight.advance.run.cycles > 0);
+        let session = &self.session;
+        let submission = self.log.take(session.key, tick, || session.mirror().seq, ran);
+        let checkpoint = self.log.taken.take().map(|taken| {
+            self.log.cover();
+            (self.log.generation, self.log.next, taken)
+        });
+        Left { submission, checkpoint }
     }
 }
 

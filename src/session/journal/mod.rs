@@ -14,7 +14,7 @@ mod writer;
 
 pub(super) use entry::{Checkpoint, Entry, Event, Identity, Mark};
 pub(super) use image::{Record, Stored, Submission, assemble};
-pub(super) use log::{Log, Taken};
+pub(super) use log::{Left, Log, Taken};
 pub(super) use replay::Replay;
 pub(super) use writer::{Feedback, Journal};
 

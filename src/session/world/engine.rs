@@ -1,11 +1,12 @@
 //! The loop of the world's thread: beats, frames and what came of them.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use rayon::prelude::*;
 use tokio::sync::mpsc;
 use tracing::error;
 
@@ -14,20 +15,25 @@ use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
 use crate::session::gather::MOST_SAMPLES;
 use crate::session::handle::Session;
-use crate::session::journal::Journal;
+use crate::session::journal::{Journal, Left};
 use crate::session::message::Message;
 use crate::session::orders::Answer;
+use crate::session::pace::Pace;
 use crate::session::registry::Names;
 use crate::session::simulation::Simulation;
-use crate::session::vitals::Vitals;
+use crate::session::vitals::{FrameTime, Vitals};
 
 use super::revive::Revival;
 use super::rounds::Rounds;
+use super::simulations::Simulations;
 use super::slots::Slots;
 use super::{INBOX, OpenBackend, WorldConfig};
 
 /// Longest wait for the device at a time.
 const PATIENCE: Duration = Duration::from_millis(100);
+
+/// Sessions in a frame from which on several threads work on them.
+const MANY: usize = 64;
 
 /// What lives on the world's thread.
 pub(super) struct Engine {
@@ -46,9 +52,10 @@ pub(super) struct Engine {
     /// Frame in which sessions were last looked after.
     pub(super) looked_after: u64,
     pub(super) next_beat: Instant,
-    pub(super) simulations: HashMap<u64, Simulation>,
-    /// Keys of the simulations that want to be in the coming frames.
-    pub(super) active: HashSet<u64>,
+    pub(super) pace: Pace,
+    pub(super) simulations: Simulations,
+    /// A simulation has orders, which no beat has to be waited for.
+    pub(super) busy: bool,
     pub(super) rounds: Rounds,
     /// Sessions whose memory is freed.
     pub(super) hibernating: HashMap<u64, Arc<Session>>,
@@ -79,16 +86,19 @@ impl Engine {
             if !self.take_messages()? {
                 return Ok(());
             }
+            let (begun, beat) = (Instant::now(), self.frame);
             let publish = self.beat();
             self.look_after_sessions()?;
-            self.carry_out_frame(publish)?;
+            let frame = self.carry_out_frame(publish)?;
+            if frame.sessions > 0 || self.frame > beat {
+                self.vitals.note(FrameTime { took: begun.elapsed(), ..frame });
+            }
         }
     }
 
     /// Waits for a request or the next beat, and takes in what has arrived. False means stop.
     fn take_messages(&mut self) -> Result<bool, EngineError> {
-        let busy = self.active.iter().any(|key| self.simulations[key].has_orders());
-        if !busy {
+        if !self.busy {
             let deadline = tokio::time::Instant::from_std(self.next_beat);
             let inbox = &mut self.inbox;
             let wait = async { tokio::time::timeout_at(deadline, inbox.recv()).await };
@@ -130,75 +140,80 @@ impl Engine {
         }
         self.frame += 1;
         self.frames.store(self.frame, Ordering::Relaxed);
-        self.next_beat += Duration::from_secs_f64(1.0 / FRAME_RATE);
-        if self.next_beat < now {
-            // The machine can't keep up, or has just begun: time slips, ticks don't pile up.
-            let slipped = (now - self.next_beat).as_micros() as u64;
-            self.vitals.slipped_us.fetch_add(slipped, Ordering::Relaxed);
-            self.next_beat = now;
-        }
+        let beat = Duration::from_secs_f64(1.0 / FRAME_RATE);
+        self.next_beat += beat;
+        // Behind that, the machine can't keep up, or has just begun: time slips, ticks don't pile up.
+        let slipped = now.saturating_duration_since(self.next_beat);
+        self.next_beat += slipped;
+        self.vitals.slipped_us.fetch_add(slipped.as_micros() as u64, Ordering::Relaxed);
+        let overloaded = self.pace.note(beat + slipped, slipped);
+        self.vitals.overloaded.store(overloaded, Ordering::Relaxed);
         let publications =
             |frame: u64| (frame as f64 * self.config.publish_rate / FRAME_RATE + 1e-9) as u64;
         publications(self.frame) > publications(self.frame - 1)
     }
 
-    /// Submits one frame for everybody who has something to do, and concludes it.
-    pub(super) fn carry_out_frame(&mut self, publish: bool) -> Result<(), EngineError> {
+    /// Submits one frame for everybody who has something to do, concludes it, and says what it
+    /// took.
+    pub(super) fn carry_out_frame(&mut self, publish: bool) -> Result<FrameTime, EngineError> {
         let (number, sleep) = (self.frame, self.config.sleep);
-        let mut frame = Frame::default();
-        let mut keys = Vec::new();
-        let mut samples = MOST_SAMPLES;
-        let active: Vec<u64> = self.active.iter().copied().collect();
-        for key in active {
-            let plan =
-                self.guard(key, |simulation| simulation.plan(number, publish, sleep, &mut samples));
-            if let Some(work) = plan.flatten() {
-                frame.work.push(work);
-                keys.push(key);
-            } else {
-                self.review(key);
-            }
-        }
-        if keys.is_empty() {
-            return Ok(());
-        }
-        let begun = Instant::now();
-        self.backend.submit(frame)?;
-        let outcome = loop {
-            if let Some(outcome) = self.backend.poll(PATIENCE)? {
-                break outcome;
-            }
-        };
-        let took = begun.elapsed();
-        self.conclude(&keys, outcome, took);
-        Ok(())
-    }
-
-    fn conclude(&mut self, keys: &[u64], mut outcome: Outcome, took: Duration) {
-        outcome.tiles.sort_unstable_by_key(|tile| (tile.slot, tile.tile));
-        for (&key, work) in keys.iter().zip(outcome.work) {
-            let first = outcome.tiles.partition_point(|tile| tile.slot < work.slot);
-            let end = outcome.tiles.partition_point(|tile| tile.slot <= work.slot);
-            let tiles = &outcome.tiles[first..end];
-            self.guard(key, |simulation| {
-                if let Some(job) = &mut simulation.step {
-                    job.fit(took);
+        let room = AtomicU64::new(MOST_SAMPLES);
+        self.busy = false;
+        let plans = each(self.simulations.active_mut(), |simulation| {
+            let plan = caught(|| simulation.plan(number, publish, sleep, &room));
+            (simulation, plan)
+        });
+        let mut frame = Frame { work: Vec::with_capacity(plans.len()) };
+        let (mut part, mut idle, mut failed) = (Vec::with_capacity(plans.len()), vec![], vec![]);
+        for (simulation, plan) in plans {
+            match plan {
+                Some(Some(work)) => {
+                    frame.work.push(work);
+                    part.push(simulation);
                 }
-                simulation.conclude(work, tiles);
-            });
-            self.hand_over(key);
-            self.review(key);
+                Some(None) => idle.push(simulation.session.key),
+                None => failed.push(simulation.session.key),
+            }
+        }
+        let mut time = FrameTime { sessions: part.len() as u32, ..FrameTime::default() };
+        let mut concluded = Vec::new();
+        if !part.is_empty() {
+            let submitted = Instant::now();
+            self.backend.submit(frame)?;
+            let outcome = loop {
+                if let Some(outcome) = self.backend.poll(PATIENCE)? {
+                    break outcome;
+                }
+            };
+            time.backend = submitted.elapsed();
+            time.published_tiles = outcome.published.count();
+            concluded = conclude(part, outcome, time.backend);
+            self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
+        }
+        for done in concluded {
+            match done.left {
+                Some(left) => self.hand_over(done.key, left),
+                None => failed.push(done.key),
+            }
+            if done.review {
+                idle.push(done.key);
+            }
         }
         self.journal.send();
-        self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
+        failed.into_iter().for_each(|key| self.fell(key));
+        idle.into_iter().for_each(|key| self.review(key));
+        Ok(time)
     }
 
     /// Keeps a simulation among the active ones where it has more to do.
     pub(super) fn review(&mut self, key: u64) {
-        match self.simulations.get(&key) {
-            Some(simulation) if simulation.wants_frames() => self.active.insert(key),
-            _ => self.active.remove(&key),
-        };
+        let Some(simulation) = self.simulations.get(&key) else { return };
+        if self.fallen.contains(&key) {
+            return;
+        }
+        self.busy |= simulation.has_orders();
+        let active = simulation.wants_frames();
+        self.simulations.set_active(key, active);
     }
 
     /// Does something with one simulation. A panic has it brought back, and harms no other.
@@ -211,20 +226,66 @@ impl Engine {
             return None;
         }
         let simulation = self.simulations.get_mut(&key)?;
-        match catch_unwind(AssertUnwindSafe(|| act(simulation))) {
-            Ok(value) => Some(value),
-            Err(_) => {
-                let id = simulation.session.id.clone();
-                self.active.remove(&key);
-                if self.reviving {
-                    error!(session = id, "bringing this session back panicked; it is set aside");
-                    self.remove(key, &SessionError::Internal(format!("session '{id}' failed")));
-                } else {
-                    error!(session = id, "handling this session panicked; it is brought back");
-                    self.fallen.push(key);
-                }
-                None
-            }
+        let value = caught(|| act(simulation));
+        if value.is_none() {
+            self.fell(key);
+        }
+        value
+    }
+
+    /// Sees to it that a session in which something panicked is brought back.
+    fn fell(&mut self, key: u64) {
+        let Some(simulation) = self.simulations.get(&key) else { return };
+        let id = simulation.session.id.clone();
+        if self.reviving {
+            error!(session = id, "bringing this session back panicked; it is set aside");
+            self.remove(key, &SessionError::Internal(format!("session '{id}' failed")));
+        } else {
+            error!(session = id, "handling this session panicked; it is brought back");
+            self.simulations.set_active(key, false);
+            self.fallen.push(key);
         }
     }
+}
+
+/// What has to be done after a simulation has taken in its outcome.
+struct Concluded {
+    key: u64,
+    /// What goes to the journal; nothing where it panicked.
+    left: Option<Left>,
+    /// Whether it has orders, or nothing more to do.
+    review: bool,
+}
+
+/// Lets simulations take in their outcomes, in the order of the frame's work.
+fn conclude(part: Vec<&mut Simulation>, outcome: Outcome, took: Duration) -> Vec<Concluded> {
+    let published = &outcome.published;
+    each(part.into_iter().zip(outcome.work).collect(), |(simulation, work)| {
+        let left = caught(|| {
+            if let Some(job) = &mut simulation.step {
+                job.fit(took);
+            }
+            let tiles = published.tiles(work.tiles.clone());
+            simulation.conclude(work, tiles);
+            simulation.leave()
+        });
+        Concluded {
+            key: simulation.session.key,
+            left,
+            review: simulation.has_orders() || !simulation.wants_frames(),
+        }
+    })
+}
+
+/// Does something with each, many at a time where there are many.
+fn each<I: Send, T: Send>(items: Vec<I>, act: impl Fn(I) -> T + Send + Sync) -> Vec<T> {
+    if items.len() < MANY {
+        return items.into_iter().map(act).collect();
+    }
+    items.into_par_iter().with_min_len(MANY / 4).map(act).collect()
+}
+
+/// The value, or nothing where there was a panic.
+fn caught<T>(act: impl FnOnce() -> T) -> Option<T> {
+    catch_unwind(AssertUnwindSafe(act)).ok()
 }

@@ -102,12 +102,12 @@ impl Engine {
         let key = session.key;
         let log = Log::created(Arc::new(session.identity()), session.origin.clone());
         self.simulations.insert(key, Simulation::new(session, slot, self.frame, log));
-        self.active.insert(key);
         self.rounds.insert(key);
         self.guard(key, |simulation| {
             simulation.begin(saved.as_deref());
             simulation.next.replies.push(Reply::Created(reply));
         });
+        self.review(key);
     }
 
     /// Gives a session other tokens, once that is durable.
@@ -188,7 +188,6 @@ impl Engine {
 
     /// Takes a session out of the world. Whoever waits for it gets `why`.
     pub(super) fn remove(&mut self, key: u64, why: &SessionError) {
-        self.active.remove(&key);
         let Some(simulation) = self.simulations.remove(&key) else { return };
         if self.checkpointing == Some(key) {
             self.checkpointing = None;

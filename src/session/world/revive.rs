@@ -112,7 +112,7 @@ impl Engine {
     /// # Errors
     /// Those of the backend.
     pub(super) fn revive(&mut self, wave: Vec<Revival>) -> Result<(), EngineError> {
-        let others = std::mem::take(&mut self.active);
+        let others = self.simulations.take_active();
         self.reviving = true;
         let decoded: Vec<(Revival, Result<Option<Snapshot>, SessionError>)> =
             wave.into_par_iter()
@@ -138,7 +138,7 @@ impl Engine {
         }
         let replayed = self.replay(&keys);
         self.reviving = false;
-        self.active.extend(others);
+        others.into_iter().for_each(|key| self.simulations.set_active(key, true));
         replayed
     }
 
@@ -173,7 +173,7 @@ impl Engine {
         let mut simulation = Simulation::new(session, slot, self.frame, log);
         simulation.brought_back = !at_start;
         self.simulations.insert(key, simulation);
-        self.active.insert(key);
+        self.simulations.set_active(key, true);
         self.guard(key, |simulation| {
             simulation.begin_replay(snapshot.as_ref(), Replay::new(&stored, until, at_start));
             simulation.waiting_reads = reads;
@@ -187,9 +187,8 @@ impl Engine {
         while !left.is_empty() {
             for &key in &left {
                 self.guard(key, Simulation::feed_replay);
-                self.active.insert(key);
+                self.simulations.set_active(key, true);
             }
-            self.active.retain(|key| self.simulations.contains_key(key));
             let began = Instant::now();
             self.carry_out_frame(false)?;
             let took = began.elapsed();
@@ -197,7 +196,7 @@ impl Engine {
                 self.guard(key, |simulation| simulation.advance_replay(took)) == Some(false)
             });
             // Those that are through wait for the others.
-            self.active = left.iter().copied().collect();
+            self.simulations.take_active();
         }
         let frame = self.frame;
         for &key in keys {
@@ -206,8 +205,7 @@ impl Engine {
                 simulation.next.add_reads(std::mem::take(&mut simulation.waiting_reads));
             });
         }
-        self.active =
-            keys.iter().copied().filter(|key| self.simulations.contains_key(key)).collect();
-        self.carry_out_frame(true)
+        keys.iter().for_each(|&key| self.simulations.set_active(key, true));
+        self.carry_out_frame(true).map(drop)
     }
 }

@@ -75,12 +75,11 @@ impl Engine {
         let why = SessionError::Unavailable(format!("{why}; nothing was changed, try again"));
         self.journal.abandon(&why);
         self.journal.flush();
-        self.active.clear();
         self.fallen.clear();
         self.slots = Default::default();
         self.checkpointing = None;
         self.reviving = false;
-        for (key, simulation) in std::mem::take(&mut self.simulations) {
+        for (key, simulation) in std::mem::take(&mut self.simulations).into_iter() {
             let session = simulation.session.clone();
             let until = simulation.until();
             simulation.refuse_all(&why);

@@ -9,7 +9,7 @@ use tracing::{debug, info};
 use crate::engine::frame::EngineError;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
-use crate::session::journal::{Feedback, Record, Submission};
+use crate::session::journal::{Feedback, Left, Record, Submission};
 use crate::session::orders::Answer;
 
 use super::engine::Engine;
@@ -79,22 +79,16 @@ impl Engine {
             simulation.frozen = tired;
             simulation.next.checkpoint = true;
             self.checkpointing = Some(key);
-            self.active.insert(key);
+            self.simulations.set_active(key, true);
         }
     }
 
     /// Hands what a frame has left of a session to the journal.
-    pub(super) fn hand_over(&mut self, key: u64) {
-        let Some(simulation) = self.simulations.get_mut(&key) else { return };
-        let (tick, ran) = (simulation.clock.tick(), simulation.flight.advance.run.cycles > 0);
-        let session = simulation.session.clone();
-        let left = simulation.log.take(key, tick, || session.mirror().seq, ran);
-        if let Some(submission) = left {
+    pub(super) fn hand_over(&mut self, key: u64, left: Left) {
+        if let Some(submission) = left.submission {
             self.journal.add(submission);
         }
-        if let Some(taken) = simulation.log.taken.take() {
-            let (generation, base) = (simulation.log.generation(), simulation.log.next());
-            simulation.log.cover();
+        if let Some((generation, base, taken)) = left.checkpoint {
             self.journal.checkpoint(key, generation, base, taken);
         }
     }
@@ -127,7 +121,6 @@ impl Engine {
         });
         for &key in keys {
             let Some(mut simulation) = self.simulations.remove(&key) else { continue };
-            self.active.remove(&key);
             self.backend.release(simulation.slot);
             self.slots.give_back(simulation.slot);
             if self.checkpointing == Some(key) {
@@ -176,7 +169,6 @@ impl Engine {
     /// Frees the memory of a session whose checkpoint is its state.
     fn hibernate(&mut self, key: u64) {
         let Some(simulation) = self.simulations.remove(&key) else { return };
-        self.active.remove(&key);
         self.backend.release(simulation.slot);
         self.slots.give_back(simulation.slot);
         let session = simulation.session.clone();
@@ -251,7 +243,7 @@ impl Engine {
     /// Marks how far all sessions have come; `exact` where nothing more is published.
     pub(super) fn mark_all(&mut self, exact: bool) {
         let frame = self.frame;
-        for (&key, simulation) in &mut self.simulations {
+        for (key, simulation) in self.simulations.iter_mut() {
             simulation.catch_up(frame);
             let (tick, seq) = (simulation.clock.tick(), simulation.session.mirror().seq);
             if let Some(mark) = simulation.log.take_mark(key, tick, seq, exact) {
@@ -266,21 +258,19 @@ impl Engine {
         let Some(deadline) = self.stop.filter(|_| self.journal.durable) else { return };
         let began = Instant::now();
         let frame = self.frame;
-        for simulation in self.simulations.values_mut() {
+        let mut left = Vec::new();
+        for (key, simulation) in self.simulations.iter_mut() {
             simulation.catch_up(frame);
             simulation.frozen = true;
+            if !simulation.log.is_covered() {
+                left.push(key);
+            }
         }
-        let mut left: Vec<u64> = self
-            .simulations
-            .iter()
-            .filter(|(_, simulation)| !simulation.log.is_covered())
-            .map(|(&key, _)| key)
-            .collect();
         let count = left.len();
         let mut missing = 0;
         while !left.is_empty() && Instant::now() < deadline {
             let mut cells = 0;
-            self.active.clear();
+            self.simulations.take_active();
             while let Some(&key) = left.last()
                 && cells < LAST_CHECKPOINTS
             {
@@ -288,7 +278,7 @@ impl Engine {
                 if let Some(simulation) = self.simulations.get_mut(&key) {
                     simulation.next.checkpoint = true;
                     cells += simulation.session.spec.grid.cells();
-                    self.active.insert(key);
+                    self.simulations.set_active(key, true);
                     missing += 1;
                 }
             }

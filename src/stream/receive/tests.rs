@@ -3,6 +3,7 @@ use std::sync::Mutex;
 use std::time::Duration;
 
 use futures_util::stream;
+use governor::{Quota, RateLimiter};
 use serde_json::Value;
 use tokio::sync::oneshot;
 
@@ -47,7 +48,13 @@ fn air(id: usize) -> Result<Message, axum::Error> {
 /// Bounds that nothing here reaches.
 fn free() -> Bounds<'static> {
     static IDLE: AtomicBool = AtomicBool::new(false);
-    Bounds { rate: CommandRate::new(1_000_000, Instant::now()), writing: &IDLE }
+    Bounds { rate: rate(1_000_000), writing: &IDLE }
+}
+
+/// Some commands at once, and no more for a long time.
+fn rate(at_once: u32) -> DefaultDirectRateLimiter {
+    let refill = Quota::with_period(Duration::from_secs(3600)).unwrap();
+    RateLimiter::direct(refill.allow_burst(at_once.try_into().unwrap()))
 }
 
 /// Messages, and after them nothing.
@@ -193,7 +200,7 @@ async fn nobody_is_called_silent_while_a_message_to_it_is_being_written() {
 #[tokio::test(start_paused = true)]
 async fn more_commands_than_are_taken_end_the_stream() {
     let desk = Desk::default();
-    let bounds = Bounds { rate: CommandRate::new(5, Instant::now()), ..free() };
+    let bounds = Bounds { rate: rate(5), ..free() };
     let pings = (0..6).map(|id| text(format!(r#"{{"op":"ping","id":{id}}}"#))).collect();
     let (send, mut answers) = mpsc::channel(8);
     let cause = receive(waiting(pings), send, |change| desk.apply(change), bounds).await;

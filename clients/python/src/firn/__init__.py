@@ -1,0 +1,29 @@
+"""Client of Firn, the snowpack server.
+
+`Client` speaks REST; `Session.stream` opens the height stream. Units are SI and °C, names are those of the wire:
+api/openapi.json and api/asyncapi.yaml describe them.
+"""
+
+from .client import Client
+from .codec import DecodeError, HeightMessage, Tile, decode
+from .problem import FieldError, ProblemError
+from .session import Heights, Session
+from .stream import Disconnected, Stream, StreamClosed
+from .subscription import Change, Subscription
+
+__all__ = [
+    "Change",
+    "Client",
+    "DecodeError",
+    "Disconnected",
+    "FieldError",
+    "HeightMessage",
+    "Heights",
+    "ProblemError",
+    "Session",
+    "Stream",
+    "StreamClosed",
+    "Subscription",
+    "Tile",
+    "decode",
+]

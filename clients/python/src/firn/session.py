@@ -1,0 +1,191 @@
+"""A session over REST."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self, Unpack, cast
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .stream import Stream
+from .types import (
+    ClearingReply,
+    Collider,
+    ColliderSpec,
+    Event,
+    Probe,
+    ProbeSpec,
+    Region,
+    SessionView,
+    SettingsPatch,
+    SnowfallReply,
+    Stamp,
+    StampedCollider,
+    Step,
+)
+
+if TYPE_CHECKING:
+    from .client import Client
+
+
+@dataclass(frozen=True)
+class Heights:
+    """Snow depths, and when they hold."""
+
+    heights: NDArray[np.float32]
+    """[m], shape (depth, width): `heights[z, x]`."""
+    tick: int
+    seq: int
+
+
+class Session:
+    """One session of a server. A change is answered once it is applied and visible to the next read."""
+
+    def __init__(self, client: Client, id: str) -> None:
+        self.client = client
+        self.id = id
+        self.path = f"/v1/sessions/{quote(id, safe='')}"
+        self.token: str | None = None
+        """Allows everything about this session; known to whoever created it."""
+        self.viewer_token: str | None = None
+        """Allows its reads and streams."""
+
+    @classmethod
+    def created(cls, client: Client, view: dict[str, Any]) -> Self:
+        """A session from the answer to its creation."""
+        session = cls(client, view["id"])
+        session.token, session.viewer_token = view["token"], view["viewer_token"]
+        return session
+
+    def _call(self, method: str, path: str = "", **options: Any) -> Any:
+        response = self.client.request(method, self.path + path, **options)
+        return response.json() if response.content else None
+
+    def _post(self, path: str, body: dict[str, Any], idempotency_key: str | None) -> Any:
+        given = {name: value for name, value in body.items() if value is not None}
+        return self._call("POST", path, json=given, idempotency_key=idempotency_key)
+
+    def get(self) -> SessionView:
+        """Its configuration, clock and summary."""
+        return cast(SessionView, self._call("GET"))
+
+    def set(self, **settings: Unpack[SettingsPatch]) -> SessionView:
+        """Changes settings; those left out stay."""
+        return cast(SessionView, self._call("PATCH", json=settings))
+
+    def delete(self) -> None:
+        """Deletes it."""
+        self._call("DELETE")
+
+    def step(self, **step: Unpack[Step]) -> SessionView:
+        """Steps it while it is paused, as fast as the server can."""
+        return cast(SessionView, self._call("POST", "/step", json=step, timeout=None))
+
+    def reset(self) -> SessionView:
+        """Back to the state it was created in."""
+        return cast(SessionView, self._call("POST", "/reset"))
+
+    def snapshot(self) -> bytes:
+        """All of it in one piece, for `Client.restore_session`."""
+        headers = {"accept": "application/vnd.firn.snapshot"}
+        return self.client.request("GET", f"{self.path}/snapshot", headers=headers).content
+
+    def digest(self) -> str:
+        """A hash of what a snapshot holds: equal ones, equal snowpacks."""
+        return str(self._call("GET", "/digest")["digest"])
+
+    def snowfall(
+        self,
+        depth: float,
+        *,
+        density: float | None = None,
+        temperature: float | None = None,
+        region: Region | None = None,
+        idempotency_key: str | None = None,
+    ) -> SnowfallReply:
+        """Lets snow fall at once [m, kg/m³, °C]."""
+        body = {"depth": depth, "density": density, "temperature": temperature, "region": region}
+        return cast(SnowfallReply, self._post("/snowfalls", body, idempotency_key))
+
+    def clear(self, depth: float, *, region: Region | None = None, idempotency_key: str | None = None) -> ClearingReply:
+        """Leaves at most a depth [m] standing, as a plough does."""
+        body = {"depth": depth, "region": region}
+        return cast(ClearingReply, self._post("/clearings", body, idempotency_key))
+
+    def set_air_temperature(self, celsius: float) -> Stamp:
+        """Sets the air temperature [°C]."""
+        return cast(Stamp, self._call("PUT", "/air-temperature", json={"celsius": celsius}))
+
+    def colliders(self) -> Iterator[Collider]:
+        """The objects on the snow, page by page."""
+        yield from self.client._pages(f"{self.path}/colliders")
+
+    def collider(self, id: str) -> StampedCollider:
+        """An object on the snow."""
+        return cast(StampedCollider, self._call("GET", f"/colliders/{quote(id, safe='')}"))
+
+    def put_collider(self, collider: ColliderSpec) -> StampedCollider:
+        """Puts an object on the snow; replaces or moves the one of the same id."""
+        body = {name: value for name, value in collider.items() if name != "id"}
+        if "id" in collider:
+            return cast(StampedCollider, self._call("PUT", f"/colliders/{quote(collider['id'], safe='')}", json=body))
+        return cast(StampedCollider, self._call("POST", "/colliders", json=body))
+
+    def delete_collider(self, id: str) -> None:
+        """Removes an object."""
+        self._call("DELETE", f"/colliders/{quote(id, safe='')}")
+
+    def batch_colliders(self, put: Iterable[ColliderSpec] = (), delete: Iterable[str] = ()) -> Stamp:
+        """Puts and removes up to 4096 objects in one frame, all or none."""
+        return cast(Stamp, self._call("POST", "/colliders:batch", json={"put": list(put), "delete": list(delete)}))
+
+    def heights(self, **query: int | bool) -> Heights:
+        """Snow depths; of a part by `column_x`, `column_z`, `width`, `depth`, `stride`; `surface` adds the ground."""
+        params = {name: str(value).lower() for name, value in query.items()}
+        headers = {"accept": "application/x-npy"}
+        response = self.client.request("GET", f"{self.path}/heights", params=params, headers=headers)
+        heights = np.load(io.BytesIO(response.content), allow_pickle=False)
+        return Heights(heights, int(response.headers["firn-tick"]), int(response.headers["firn-seq"]))
+
+    def height(self, x: float, z: float) -> float:
+        """The snow depth at a point [m]."""
+        return float(self._call("GET", "/height", params={"x": x, "z": z})["height"])
+
+    def column(self, column_x: int, column_z: int) -> dict[str, Any]:
+        """A column, layer by layer from the ground up, with its weak layers."""
+        return dict(self._call("GET", f"/columns/{column_x}/{column_z}"))
+
+    def cells(self, fields: Iterable[str], **box: int) -> dict[str, NDArray[np.float64]]:
+        """Fields of the fixed grid, each of shape (z, y, x), NaN outside the snow.
+
+        A part of it by `column_x`, `column_z`, `cell_y`, `width`, `depth`, `height`.
+        """
+        reply = self._call("GET", "/cells", params={**box, "fields": ",".join(fields)})
+        shape = (reply["depth"], reply["height"], reply["width"])
+        return {name: np.array(values, np.float64).reshape(shape) for name, values in reply["fields"].items()}
+
+    def mass(self) -> dict[str, Any]:
+        """The mass balance [kg]."""
+        return dict(self._call("GET", "/mass"))
+
+    def probe(self, probes: Iterable[ProbeSpec]) -> list[Probe]:
+        """How deep loads would sink, without putting them there."""
+        return list(self._call("POST", "/probes", json={"probes": list(probes)})["probes"])
+
+    def render(self, **query: Any) -> bytes:
+        """A picture as PNG, as `GET …/render.png` takes its options: `view="surface"`, `field="density"`, `width=800`."""
+        return self.client.request("GET", f"{self.path}/render.png", params=query).content
+
+    def profile(self, column_x: int, column_z: int) -> str:
+        """Density and hardness of a column over its depth, drawn as SVG."""
+        params = {"column_x": column_x, "column_z": column_z}
+        return self.client.request("GET", f"{self.path}/profile.svg", params=params).text
+
+    def stream(self, on_event: Callable[[Event], None] | None = None) -> Stream:
+        """The height stream: `async with session.stream() as stream`."""
+        url = f"ws{self.client.url.removeprefix('http')}{self.path}/stream"
+        return Stream(url, token=self.client.token, on_event=on_event)

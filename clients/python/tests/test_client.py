@@ -1,0 +1,99 @@
+"""REST against a real server."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from firn import Client, ProblemError
+
+GRID = {"width": 16, "depth": 12, "height": 30, "cell_size": 0.2}
+
+
+def test_a_sessions_life(client: Client) -> None:
+    session = client.create_session(id="life", paused=True, grid=GRID)
+    assert session.id == "life" and session.token and session.viewer_token
+    fallen = session.snowfall(4, temperature=-8)
+    assert math.isclose(fallen["fallen_mass"], 4 * 20 * 16 * 12 * 0.04) and fallen["refused_mass"] == 0
+    session.set_air_temperature(-12)
+    crate = session.put_collider(
+        {"id": "crate", "mass": 300, "shape": {"type": "box", "width": 1, "depth": 1}, "position": {"x": 1.5, "z": 1}}
+    )
+    assert crate["id"] == "crate" and crate["bottom"] == pytest.approx(4, abs=0.01)
+    named = session.put_collider({"mass": 5, "shape": {"type": "disk", "radius": 0.3}, "position": {"x": 2.5, "z": 2}})
+    assert sorted(collider["id"] for collider in session.colliders()) == sorted(["crate", named["id"]])
+
+    view = session.step(until_settled=True, max_seconds=600)
+    assert view["settled"] and view["tick"] > 0 and view["air_temperature"] == -12
+    sunk = session.collider("crate")
+    assert sunk["sink_depth"] > 0 and sunk["resting"]
+    session.batch_colliders(delete=[named["id"]])
+    session.delete_collider("crate")
+    assert list(session.colliders()) == []
+    session.clear(1)
+    assert session.get()["summary"]["max_height"] <= 1
+    assert session.mass()["imbalance_quanta"] == 0
+    assert session.set(time_scale=10)["time_scale"] == 10
+    assert session.reset()["tick"] == 0
+    session.delete()
+    with pytest.raises(ProblemError, match="life") as gone:
+        session.get()
+    assert gone.value.status == 404
+
+
+def test_heights_are_arrays(client: Client) -> None:
+    session = client.create_session(paused=True, grid=GRID)
+    fall = session.snowfall(2, region={"x": 0, "z": 0, "width": 0.4, "depth": 0.2})
+    whole = session.heights()
+    assert whole.heights.shape == (12, 16) and whole.seq >= fall["seq"] and whole.tick == 0
+    assert np.argwhere(whole.heights > 0).tolist() == [[0, 0], [0, 1]]
+    assert whole.heights[0, 1] == pytest.approx(2, abs=0.01)
+    part = session.heights(column_x=1, column_z=0, width=3, depth=2)
+    np.testing.assert_array_equal(part.heights, whole.heights[:2, 1:4])
+    assert session.heights(stride=4).heights.shape == (3, 4)
+    assert session.height(0.1, 0.1) == pytest.approx(float(whole.heights[0, 0]))
+
+    column = session.column(1, 0)
+    assert column["height"] == pytest.approx(float(whole.heights[0, 1])) and column["layers"]
+    cells = session.cells(["density", "fill"], width=3, depth=2, height=4)
+    assert cells["density"].shape == (2, 4, 3)
+    assert cells["density"][0, 0, 0] == pytest.approx(20) and np.isnan(cells["density"][1, 0, 0])
+    (probe,) = session.probe([{"x": 0.1, "z": 0.1, "mass": 1, "area": 0.05}])
+    assert probe["sink_depth"] > 0
+
+
+def test_a_snapshot_is_the_same_snow(client: Client) -> None:
+    session = client.create_session(id="one", paused=True, grid=GRID, initial_snow=[{"depth": 3, "temperature": -5}])
+    session.step(ticks=100)
+    copy = client.restore_session(session.snapshot(), id="two")
+    assert copy.digest() == session.digest()
+    assert [view["id"] for view in client.sessions()] == ["one", "two"]
+    with pytest.raises(ProblemError) as taken:
+        client.restore_session(session.snapshot(), id="two")
+    assert taken.value.status == 409
+
+
+def test_pictures(client: Client) -> None:
+    session = client.create_session(paused=True, grid=GRID, initial_snow=[{"depth": 2}])
+    assert session.profile(3, 4).lstrip().startswith(("<svg", "<?xml"))
+    try:
+        picture = session.render(view="surface", width=64, height=48)
+    except ProblemError as error:
+        assert error.status == 501, "a server without a graphics adapter draws nothing"
+    else:
+        assert picture.startswith(b"\x89PNG")
+
+
+def test_a_refusal_names_the_fields(client: Client) -> None:
+    with pytest.raises(ProblemError, match="-40") as refused:
+        client.create_session(air_temperature=4, tick_rate=0)
+    problem = refused.value
+    assert problem.status == 422 and problem.type == "urn:firn:problem:invalid"
+    assert {error.pointer for error in problem.errors} == {"/air_temperature", "/tick_rate"}
+
+
+def test_an_answer_that_is_no_problem_becomes_one() -> None:
+    problem = ProblemError.from_response(502, b"<html>", {"retry-after": "7"})
+    assert (problem.status, problem.detail, problem.retry_after) == (502, "HTTP 502", 7)

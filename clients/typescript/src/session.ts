@@ -1,0 +1,186 @@
+// A session over REST.
+
+import { type Access, ask, ProblemError, type Request, send } from "./http.ts";
+import { Stream, type StreamOptions } from "./stream.ts";
+import type {
+  Cells,
+  CellsQuery,
+  Clearing,
+  ClearingReply,
+  Collider,
+  ColliderBatch,
+  ColliderSpec,
+  Column,
+  HeightsQuery,
+  MassLedger,
+  Page,
+  Probe,
+  ProbeSpec,
+  SessionView,
+  SettingsPatch,
+  Snowfall,
+  SnowfallReply,
+  Stamp,
+  StepSpec,
+} from "./types.ts";
+
+/** Heights of a region, row by row: index = z · width + x. */
+export interface Heights extends Stamp {
+  heights: Float32Array;
+}
+
+/** One session of a server. A change is answered once it is applied and visible to the next read. */
+export class Session {
+  readonly access: Access;
+  readonly id: string;
+
+  constructor(access: Access, id: string) {
+    this.access = access;
+    this.id = id;
+  }
+
+  private path(rest = ""): string {
+    return `/v1/sessions/${encodeURIComponent(this.id)}${rest}`;
+  }
+
+  private call<T>(rest: string, request?: Request): Promise<T> {
+    return ask(this.access, this.path(rest), request);
+  }
+
+  /** Its configuration, clock and summary. */
+  get(): Promise<SessionView> {
+    return this.call("");
+  }
+
+  /** Changes settings; those left out stay. */
+  patch(settings: SettingsPatch): Promise<SessionView> {
+    return this.call("", { method: "PATCH", body: settings });
+  }
+
+  /** Deletes it. */
+  async delete(): Promise<void> {
+    await send(this.access, this.path(), { method: "DELETE" });
+  }
+
+  /** Steps it while it is paused. Aborting the signal ends the step early. */
+  step(step: StepSpec, signal?: AbortSignal): Promise<SessionView> {
+    return this.call("/step", { method: "POST", body: step, signal });
+  }
+
+  /** Back to the state it was created in. */
+  reset(): Promise<SessionView> {
+    return this.call("/reset", { method: "POST" });
+  }
+
+  /** New tokens; the old ones stop working. */
+  renewTokens(): Promise<{ token: string; viewer_token: string }> {
+    return this.call("/tokens", { method: "POST" });
+  }
+
+  /** The whole session in one piece, for `Firn.restoreSession`. */
+  async snapshot(): Promise<ArrayBuffer> {
+    const accept = "application/vnd.firn.snapshot";
+    return (await send(this.access, this.path("/snapshot"), { accept })).arrayBuffer();
+  }
+
+  /** A hash of what a snapshot holds. */
+  digest(): Promise<Stamp & { digest: string }> {
+    return this.call("/digest");
+  }
+
+  /** Lets snow fall at once. With an idempotency key, repeats add nothing. */
+  snowfall(snowfall: Snowfall, idempotencyKey?: string): Promise<SnowfallReply> {
+    return this.call("/snowfalls", { method: "POST", body: snowfall, idempotencyKey });
+  }
+
+  /** Leaves at most a depth standing. */
+  clear(clearing: Clearing, idempotencyKey?: string): Promise<ClearingReply> {
+    return this.call("/clearings", { method: "POST", body: clearing, idempotencyKey });
+  }
+
+  /** Sets the air temperature [°C]. */
+  setAirTemperature(celsius: number): Promise<Stamp & { celsius: number }> {
+    return this.call("/air-temperature", { method: "PUT", body: { celsius } });
+  }
+
+  /** A page of the objects on the snow. */
+  colliders(query: { limit?: number; cursor?: string } = {}): Promise<Page<Collider> & Stamp> {
+    return this.call("/colliders", { query });
+  }
+
+  /** An object on the snow. */
+  collider(id: string): Promise<Collider & Stamp> {
+    return this.call(`/colliders/${encodeURIComponent(id)}`);
+  }
+
+  /** Puts an object on the snow; replaces or moves the one of the same id. */
+  putCollider(collider: ColliderSpec): Promise<Collider & Stamp> {
+    const { id, ...body } = collider;
+    if (id === undefined) return this.call("/colliders", { method: "POST", body });
+    return this.call(`/colliders/${encodeURIComponent(id)}`, { method: "PUT", body });
+  }
+
+  /** Removes an object. */
+  async deleteCollider(id: string): Promise<void> {
+    await send(this.access, this.path(`/colliders/${encodeURIComponent(id)}`), { method: "DELETE" });
+  }
+
+  /** Puts and removes many objects in one frame, all or none. */
+  batchColliders(batch: ColliderBatch): Promise<Stamp> {
+    return this.call("/colliders:batch", { method: "POST", body: batch });
+  }
+
+  /** Snow depths [m]. */
+  async heights(query: HeightsQuery = {}): Promise<Heights> {
+    const accept = "application/octet-stream";
+    const response = await send(this.access, this.path("/heights"), { query, accept });
+    const view = new DataView(await response.arrayBuffer());
+    const heights = Float32Array.from({ length: view.byteLength / 4 }, (_, i) => view.getFloat32(4 * i, true));
+    const stamp = (name: string) => Number(response.headers.get(name));
+    return { tick: stamp("firn-tick"), seq: stamp("firn-seq"), heights };
+  }
+
+  /** The snow depth at a point [m]. */
+  height(x: number, z: number): Promise<Stamp & { height: number }> {
+    return this.call("/height", { query: { x, z } });
+  }
+
+  /** A column, layer by layer, with its weak layers. */
+  column(column_x: number, column_z: number, signal?: AbortSignal): Promise<Column> {
+    return this.call(`/columns/${column_x}/${column_z}`, { signal });
+  }
+
+  /** Cells of the fixed grid. */
+  cells(query: CellsQuery = {}, signal?: AbortSignal): Promise<Cells> {
+    const { fields, ...box } = query;
+    return this.call("/cells", { query: { ...box, fields: fields?.join(",") }, signal });
+  }
+
+  /** The mass ledger. */
+  mass(): Promise<MassLedger> {
+    return this.call("/mass");
+  }
+
+  /** How deep loads would sink, without putting them there. */
+  probe(probes: ProbeSpec[]): Promise<Stamp & { probes: Probe[] }> {
+    return this.call("/probes", { method: "POST", body: { probes } });
+  }
+
+  /** Opens a stream, which connects again by itself and resumes. */
+  stream(options: StreamOptions = {}): Stream {
+    const url = new URL(this.path("/stream"), this.access.url);
+    url.protocol = url.protocol.replace("http", "ws");
+    if (this.access.token) url.searchParams.set("token", this.access.token);
+    return new Stream(url, () => this.whyNoStream(), options);
+  }
+
+  /** WebSockets don't tell why a connection failed: this asks. */
+  private async whyNoStream(): Promise<ProblemError | null> {
+    try {
+      await this.get();
+      return null;
+    } catch (error) {
+      return error instanceof ProblemError ? error : null;
+    }
+  }
+}

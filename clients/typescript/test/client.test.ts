@@ -1,0 +1,195 @@
+// The client against the real server.
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+
+import { type Change, DisconnectedError, Firn, HeightField, ProblemError, type StreamState } from "../src/index.ts";
+import { openLine } from "./line.ts";
+import { type Server, startServer } from "./server.ts";
+
+let server: Server;
+let firn: Firn;
+
+before(async () => {
+  server = await startServer({ args: ["--backend", "cpu"] });
+  firn = new Firn(server.url);
+});
+
+after(() => server.stop());
+
+/** Changes of a subscription, one after another. */
+class Inbox {
+  readonly changes: Change[] = [];
+  private waiting: (() => void) | null = null;
+
+  readonly put = (change: Change): void => {
+    this.changes.push(change);
+    this.waiting?.();
+  };
+
+  /** The newest change once it is of a state. */
+  async until(wanted: (change: Change) => boolean): Promise<Change> {
+    for (;;) {
+      const newest = this.changes.at(-1);
+      if (newest && wanted(newest)) return newest;
+      await new Promise<void>((resolve) => {
+        this.waiting = resolve;
+      });
+    }
+  }
+}
+
+function assertClose(field: HeightField, heights: Float32Array, tolerance = 0.000501): void {
+  assert.equal(field.heights.length, heights.length);
+  field.heights.forEach((height, i) => {
+    assert.ok(Math.abs(height - (heights[i] as number)) <= tolerance, `sample ${i}: ${height} and ${heights[i]}`);
+  });
+}
+
+test("a session's life over REST", async () => {
+  const created = await firn.createSession({ id: "life", paused: true, grid: { width: 16, depth: 12, height: 30 } });
+  assert.equal(created.state, "paused");
+  assert.ok(created.token.length > 0 && created.viewer_token.length > 0);
+  const session = firn.session("life");
+
+  const { fallen_mass } = await session.snowfall({ depth: 4, temperature: -8 }, "once");
+  assert.ok(Math.abs(fallen_mass - 4 * 20 * 16 * 12 * 0.04) < 1e-6);
+  await session.setAirTemperature(-12);
+  const crate = { mass: 300, shape: { type: "box", width: 1, depth: 1 }, position: { x: 1.5, z: 1 } } as const;
+  const put = await session.putCollider({ id: "crate", ...crate });
+  assert.equal(put.id, "crate");
+  assert.ok((await session.putCollider(crate)).id.length > 0);
+  await session.batchColliders({ delete: ["crate"] });
+  assert.equal((await session.colliders()).items.length, 1);
+
+  const stepped = await session.step({ until_settled: true, max_seconds: 600 });
+  assert.ok(stepped.settled && stepped.tick > 0 && stepped.air_temperature === -12);
+  const { heights } = await session.heights();
+  assert.equal(heights.length, 16 * 12);
+  assert.ok(Math.abs((await session.height(0.1, 0.1)).height - (heights[0] as number)) < 1e-6);
+  const column = await session.column(0, 0);
+  assert.ok(column.layers.length > 0 && Math.abs(column.height - (heights[0] as number)) < 1e-6);
+  const cells = await session.cells({ width: 2, depth: 3, height: 4, fields: ["density", "hardness"] });
+  assert.equal(cells.content.length, 24);
+  assert.equal(cells.fields.hardness?.length, 24);
+  assert.equal((await session.mass()).imbalance_quanta, 0);
+  const { probes } = await session.probe([{ x: 3, z: 2, mass: 80, area: 0.05 }]);
+  assert.ok((probes[0]?.sink_depth ?? 0) > 0);
+
+  const { digest } = await session.digest();
+  await firn.restoreSession(await session.snapshot(), "copy");
+  assert.equal((await firn.session("copy").digest()).digest, digest);
+  const names: string[] = [];
+  for await (const { id } of firn.sessions()) names.push(id);
+  assert.deepEqual(names, ["copy", "life"]);
+
+  await session.clear({ depth: 1 });
+  assert.ok((await session.get()).summary.max_height <= 1);
+  assert.equal((await session.reset()).tick, 0);
+  await session.delete();
+  await firn.session("copy").delete();
+});
+
+test("a refusal names the field", async () => {
+  const refused = firn.createSession({ air_temperature: 4 });
+  await assert.rejects(refused, (error) => {
+    assert.ok(error instanceof ProblemError);
+    assert.equal(error.status, 422);
+    assert.equal(error.problem.errors[0]?.pointer, "/air_temperature");
+    assert.match(error.message, /-40/);
+    return true;
+  });
+  await assert.rejects(firn.session("nobody").get(), { status: 404 });
+});
+
+test("a subscription holds the heights that REST tells", async (t) => {
+  const grid = { width: 50, depth: 20, height: 30 };
+  await firn.createSession({ id: "watched", grid, paused: true, initial_snow: [{ depth: 3 }] });
+  const session = firn.session("watched");
+  const stream = session.stream();
+  t.after(() => stream.close());
+  const [whole, coarse, part] = [new Inbox(), new Inbox(), new Inbox()];
+  stream.subscribe({ colliders: true, max_rate: 60 }, whole.put);
+  stream.subscribe({ stride: 4, max_rate: 60 }, coarse.put);
+  const moved = stream.subscribe({ region: { column_x: 3, column_z: 3, width: 4, depth: 4 }, max_rate: 60 }, part.put);
+  await Promise.all([whole, coarse, part].map((inbox) => inbox.until(({ field }) => field.complete)));
+
+  const fall = { depth: 0.5, region: { x: 1, z: 1, width: 3, depth: 1 } };
+  const { seq } = await stream.command("snowfall", fall);
+  await stream.command("collider.put", {
+    collider: { id: "sledge", mass: 50, shape: { type: "disk", radius: 0.4 }, position: { x: 5, z: 2 } },
+  });
+  const told = await whole.until((change) => change.seq >= seq && change.colliders?.length === 1);
+  assertClose(told.field, (await session.heights()).heights);
+  const { field } = await coarse.until((change) => change.seq >= seq);
+  assertClose(field, (await session.heights({ stride: 4 })).heights);
+
+  const region = { column_x: 8, column_z: 0, width: 24, depth: 8 };
+  assert.equal(moved.update(region)?.complete, false);
+  const after = await part.until((change) => change.field.complete);
+  assert.deepEqual(after.field.region, region);
+  assertClose(after.field, (await session.heights(region)).heights);
+
+  await assert.rejects(stream.command("snowfall", { depth: -1 }), { status: 422 });
+  stream.close();
+  assert.equal(stream.state.name, "closed");
+  await assert.rejects(stream.command("snowfall", { depth: 1 }), DisconnectedError);
+});
+
+test("a stream that was cut off resumes, and gets what it missed", async (t) => {
+  const grid = { width: 64, depth: 64, height: 30 };
+  await firn.createSession({ id: "cut", grid, paused: true, initial_snow: [{ depth: 2 }] });
+  const session = firn.session("cut");
+  const line = await openLine(server.port);
+  t.after(() => line.close());
+  const states: string[] = [];
+  const stream = new Firn(line.url).session("cut").stream({ onState: ({ name }) => states.push(name) });
+  t.after(() => stream.close());
+  const inbox = new Inbox();
+  stream.subscribe({ max_rate: 60 }, inbox.put);
+  await inbox.until(({ field }) => field.complete);
+
+  line.cut();
+  const { seq } = await session.snowfall({ depth: 0.3, region: { x: 0, z: 0, width: 1, depth: 1 } });
+  line.mend();
+  const change = await inbox.until((change) => change.recovered !== null);
+  assert.equal(change.recovered, true);
+  assert.ok(change.seq >= seq);
+  assert.equal(change.tiles.length, 1);
+  assertClose(change.field, (await session.heights()).heights);
+  assert.deepEqual(states.slice(0, 3), ["open", "waiting", "connecting"]);
+  assert.equal(stream.state.name, "open");
+});
+
+test("a stream ends where its session does, and where there is none", async () => {
+  await firn.createSession({ id: "short" });
+  const ended = (id: string) =>
+    new Promise<StreamState>((resolve) => {
+      firn.session(id).stream({
+        onState: (state) => {
+          if (state.name === "open") firn.session(id).delete();
+          if (state.name === "closed") resolve(state);
+        },
+      });
+    });
+  await ended("short");
+  const state = await ended("nobody");
+  assert.equal(state.name === "closed" && state.problem?.status, 404);
+});
+
+test("a stream outlives its server", async (t) => {
+  const first = await startServer({ args: ["--backend", "cpu", "--demo"] });
+  const session = new Firn(first.url).session("demo");
+  const states: StreamState[] = [];
+  const stream = session.stream({ onState: (state) => states.push(state) });
+  t.after(() => stream.close());
+  const inbox = new Inbox();
+  stream.subscribe({}, inbox.put);
+  await inbox.until(({ field }) => field.complete);
+  await first.stop("SIGKILL");
+  const second = await startServer({ args: ["--backend", "cpu", "--demo"], port: first.port });
+  const change = await inbox.until((change) => change.recovered !== null);
+  assert.equal(change.field.complete, true);
+  assert.ok(states.some((state) => state.name === "waiting"));
+  await second.stop();
+});

@@ -1,0 +1,412 @@
+// Keeps the heights of a Firn session in sync, in Unity 2021 or newer or any other .NET. No packages: copy this file.
+//
+//     var snow = new Firn.Heightfield(new Uri("http://127.0.0.1:8080"), "demo");
+//     _ = snow.RunAsync(cancellation);          // connects, and again whenever the connection is lost
+//     if (snow.Poll()) { ... snow.Heights ... } // in Update(), on the main thread
+//
+// It speaks firn.v1.bin: api/asyncapi.yaml describes the messages, api/height-stream.md the bytes.
+
+using System;
+using System.Collections.Generic;
+using System.Globalization;
+using System.IO;
+using System.Net.WebSockets;
+using System.Text;
+using System.Text.RegularExpressions;
+using System.Threading;
+using System.Threading.Tasks;
+
+namespace Firn
+{
+    /// <summary>The server refused the stream or ended it for good; connecting again does not help.</summary>
+    public sealed class StreamEndedException : Exception
+    {
+        public StreamEndedException(string message) : base(message) { }
+    }
+
+    /// <summary>Snow depths of all columns of a session, kept in sync by a stream.</summary>
+    public sealed class Heightfield
+    {
+        const int SubscriptionId = 1;
+        const int FirstCodeForGood = 3500;
+        static readonly TimeSpan FirstWait = TimeSpan.FromSeconds(0.25), LongestWait = TimeSpan.FromSeconds(5);
+        static readonly TimeSpan Silence = TimeSpan.FromSeconds(10);
+
+        readonly Uri uri;
+        readonly string token;
+        readonly double maxRate, quantum;
+        readonly object gate = new object();
+        readonly Random random = new Random();
+
+        // Written by the connection, under the gate.
+        float[] received = new float[0];
+        int width, depth;
+        float cellSize;
+        ulong tick, seq;
+        bool changed, whole;
+        bool? recovered;
+        // Of this connection, and of the state that is held.
+        string epoch = "", heldEpoch = "";
+        readonly List<HeightMessage> parts = new List<HeightMessage>();
+
+        /// <param name="server">As in http://127.0.0.1:8080.</param>
+        /// <param name="token">The API key or one of the session's tokens, where the server asks for one.</param>
+        /// <param name="maxRate">Most messages per second [Hz], 0.1 to 60.</param>
+        /// <param name="quantum">Step that heights are rounded to [m].</param>
+        public Heightfield(Uri server, string session, string token = null, double maxRate = 20, double quantum = 0.001)
+        {
+            var address = new UriBuilder(server) { Scheme = server.Scheme == "https" ? "wss" : "ws" };
+            address.Path = "/v1/sessions/" + Uri.EscapeDataString(session) + "/stream";
+            uri = address.Uri;
+            this.token = token;
+            this.maxRate = maxRate;
+            this.quantum = quantum;
+        }
+
+        /// <summary>Columns along x and along z, as of the last Poll.</summary>
+        public int Width { get; private set; }
+        public int Depth { get; private set; }
+
+        /// <summary>Side of a column [m].</summary>
+        public float CellSize { get; private set; }
+
+        /// <summary>Snow depths [m], row by row: index = z * Width + x. As of the last Poll.</summary>
+        public float[] Heights { get; private set; } = new float[0];
+
+        /// <summary>When they held.</summary>
+        public ulong Tick { get; private set; }
+        public ulong Seq { get; private set; }
+
+        /// <summary>After a lost connection: whether exactly what was missed was sent; null before.</summary>
+        public bool? Recovered { get; private set; }
+
+        /// <summary>Takes over the newest state; whether anything has changed. Call it on the thread that reads.</summary>
+        public bool Poll()
+        {
+            lock (gate)
+            {
+                if (!changed) return false;
+                changed = false;
+                if (Heights.Length != received.Length) Heights = new float[received.Length];
+                Array.Copy(received, Heights, received.Length);
+                Width = width;
+                Depth = depth;
+                CellSize = cellSize;
+                Tick = tick;
+                Seq = seq;
+                Recovered = recovered;
+                return true;
+            }
+        }
+
+        /// <summary>Keeps in sync until it is cancelled. Throws StreamEndedException where the server ends it for good.</summary>
+        public async Task RunAsync(CancellationToken cancellation)
+        {
+            var wait = FirstWait;
+            while (true)
+            {
+                try
+                {
+                    using (var socket = await ConnectAsync(cancellation).ConfigureAwait(false))
+                    {
+                        wait = FirstWait;
+                        await ReceiveAsync(socket, cancellation).ConfigureAwait(false);
+                    }
+                }
+                catch (Exception error) when (!cancellation.IsCancellationRequested && IsPassing(error)) { }
+                // Not all clients of a server that was restarted come back at the same moment.
+                var pause = TimeSpan.FromTicks((long)(wait.Ticks * (0.5 + 0.5 * random.NextDouble())));
+                await Task.Delay(pause, cancellation).ConfigureAwait(false);
+                wait = wait + wait < LongestWait ? wait + wait : LongestWait;
+            }
+        }
+
+        /// <summary>Whether connecting again may help.</summary>
+        static bool IsPassing(Exception error)
+        {
+            return error is WebSocketException || error is IOException || error is InvalidDataException
+                || error is OperationCanceledException;
+        }
+
+        async Task<ClientWebSocket> ConnectAsync(CancellationToken cancellation)
+        {
+            var socket = new ClientWebSocket();
+            socket.Options.AddSubProtocol("firn.v1.bin");
+            socket.Options.KeepAliveInterval = TimeSpan.FromSeconds(5);
+            if (token != null) socket.Options.SetRequestHeader("Authorization", "Bearer " + token);
+            try
+            {
+                await socket.ConnectAsync(uri, cancellation).ConfigureAwait(false);
+            }
+            catch
+            {
+                socket.Dispose();
+                throw;
+            }
+            return socket;
+        }
+
+        async Task ReceiveAsync(ClientWebSocket socket, CancellationToken cancellation)
+        {
+            var buffer = new ArraySegment<byte>(new byte[16384]);
+            var message = new MemoryStream();
+            while (true)
+            {
+                // Asks for a sign of life from time to time: a connection can be dead without saying so.
+                using (var patience = CancellationTokenSource.CreateLinkedTokenSource(cancellation))
+                using (new Timer(_ => Ping(socket, cancellation), null, Silence, Silence))
+                {
+                    patience.CancelAfter(Silence + Silence);
+                    var part = await socket.ReceiveAsync(buffer, patience.Token).ConfigureAwait(false);
+                    if (part.MessageType == WebSocketMessageType.Close) { Closed(socket); return; }
+                    message.Write(buffer.Array, 0, part.Count);
+                    if (!part.EndOfMessage) continue;
+                    var data = message.ToArray();
+                    message.SetLength(0);
+                    if (part.MessageType == WebSocketMessageType.Binary) lock (gate) Take(data);
+                    else await TakeTextAsync(socket, Encoding.UTF8.GetString(data), cancellation).ConfigureAwait(false);
+                }
+            }
+        }
+
+        static async void Ping(ClientWebSocket socket, CancellationToken cancellation)
+        {
+            try { await SendAsync(socket, "{\"op\":\"ping\"}", cancellation).ConfigureAwait(false); }
+            catch (Exception) { } // whoever receives finds out
+        }
+
+        static Task SendAsync(ClientWebSocket socket, string text, CancellationToken cancellation)
+        {
+            var bytes = new ArraySegment<byte>(Encoding.UTF8.GetBytes(text));
+            return socket.SendAsync(bytes, WebSocketMessageType.Text, true, cancellation);
+        }
+
+        static void Closed(ClientWebSocket socket)
+        {
+            var code = (int)(socket.CloseStatus ?? 0);
+            if (code == 1000 || code >= FirstCodeForGood)
+                throw new StreamEndedException(socket.CloseStatusDescription + " (" + code + ")");
+        }
+
+        Task TakeTextAsync(ClientWebSocket socket, string text, CancellationToken cancellation)
+        {
+            switch (Field(text, "op", "\"([^\"]*)\""))
+            {
+                case "welcome":
+                    string subscribe;
+                    lock (gate) subscribe = Begin(text);
+                    return SendAsync(socket, subscribe, cancellation);
+                case "error":
+                    throw new StreamEndedException(text);
+                default:
+                    return Task.CompletedTask;
+            }
+        }
+
+        /// <summary>What to send once the stream is open. Who holds everything asks for what it missed only.</summary>
+        string Begin(string welcome)
+        {
+            var grid = welcome.Substring(welcome.IndexOf("\"grid\"", StringComparison.Ordinal));
+            var wide = int.Parse(Field(grid, "width", "([0-9]+)"), CultureInfo.InvariantCulture);
+            var deep = int.Parse(Field(grid, "depth", "([0-9]+)"), CultureInfo.InvariantCulture);
+            if (wide != width || deep != depth)
+            {
+                received = new float[wide * deep];
+                whole = false;
+            }
+            width = wide;
+            depth = deep;
+            parts.Clear();
+            cellSize = float.Parse(Field(grid, "cell_size", "([-+0-9.eE]+)"), CultureInfo.InvariantCulture);
+            var resume = whole ? ",\"resume\":{\"epoch\":\"" + heldEpoch + "\",\"seq\":" + seq + "}" : "";
+            epoch = Field(welcome, "epoch", "\"([^\"]*)\"");
+            return string.Format(CultureInfo.InvariantCulture,
+                "{{\"op\":\"subscribe\",\"id\":{0},\"max_rate\":{1:R},\"quantum\":{2:R}{3}}}",
+                SubscriptionId, maxRate, quantum, resume);
+        }
+
+        static string Field(string json, string name, string value)
+        {
+            var match = Regex.Match(json, "\"" + name + "\"\\s*:\\s*" + value);
+            if (!match.Success) throw new InvalidDataException("no " + name + " in " + json);
+            return match.Groups[1].Value;
+        }
+
+        /// <summary>Takes in a message of heights, or a part of one: it counts once its last part is there.</summary>
+        void Take(byte[] data)
+        {
+            var last = new HeightMessage(data);
+            parts.Add(last);
+            if (last.More) return;
+            // What can't be read to its end is asked for anew, all of it.
+            whole = false;
+            foreach (var part in parts) part.ReadTiles(Put);
+            recovered = parts[0].Recovered ?? recovered;
+            parts.Clear();
+            tick = last.Tick;
+            seq = last.Seq;
+            heldEpoch = epoch;
+            // The subscription is of all columns, and began with those that were not held.
+            whole = changed = true;
+        }
+
+        void Put(int columnX, int columnZ, int tileWidth, int tileDepth, uint[] heights)
+        {
+            if (columnX + tileWidth > width || columnZ + tileDepth > depth) throw new InvalidDataException("a tile is beyond the grid");
+            for (var z = 0; z < tileDepth; z++)
+                for (var x = 0; x < tileWidth; x++)
+                    received[(columnZ + z) * width + columnX + x] = (float)(heights[z * tileWidth + x] * quantum);
+        }
+    }
+
+    /// <summary>A binary message of heights. Throws InvalidDataException for what api/height-stream.md does not describe.</summary>
+    public sealed class HeightMessage
+    {
+        const int Side = 8;
+        const uint MostTiles = 1 << 24;
+
+        /// <summary>First column along x and z, samples along x and z, heights in quanta row by row; valid in the call only.</summary>
+        public delegate void Tile(int columnX, int columnZ, int width, int depth, uint[] heights);
+
+        public readonly bool Snapshot, More;
+        public readonly bool? Recovered;
+        public readonly long Id;
+        public readonly ulong Seq, Tick;
+        public readonly int Stride;
+        /// <summary>The objects in the region as JSON, where they are told. Known after ReadTiles.</summary>
+        public string Colliders { get; private set; }
+
+        readonly byte[] data;
+        readonly bool tellsColliders;
+        readonly uint[] heights = new uint[Side * Side];
+        int at, width, depth;
+
+        public HeightMessage(byte[] data)
+        {
+            this.data = data;
+            var kind = Byte();
+            if (kind != 1 && kind != 2) throw Wrong("neither a snapshot nor a delta");
+            var flags = Byte();
+            if ((flags & 0xc0) != 0 || (flags & 6) == 4) throw Wrong("these flags have no meaning");
+            Snapshot = kind == 1;
+            More = (flags & 1) != 0;
+            if ((flags & 2) != 0) Recovered = (flags & 4) != 0;
+            tellsColliders = (flags & 8) != 0;
+            Stride = 1 << ((flags >> 4) & 3);
+            var code = Number();
+            Id = (long)(code >> 1) ^ -(long)(code & 1);
+            Seq = Number();
+            Tick = Number();
+        }
+
+        /// <summary>Reads all tiles, once.</summary>
+        public void ReadTiles(Tile put)
+        {
+            var tilesX = Short();
+            if (tilesX == 0) throw Wrong("a grid has at least one tile in a row");
+            ulong place = 0;
+            for (var runs = Number(); runs > 0; runs--)
+            {
+                place += Short();
+                var code = Number();
+                var count = code >> 1;
+                if (count == 0 || count > MostTiles || place + count > MostTiles) throw Wrong("a run has 1 to 2^24 tiles");
+                for (ulong i = 0; i < count; i++, place++)
+                {
+                    if (i == 0 || (code & 1) == 0) ReadTile();
+                    put((int)(place % tilesX) * Side, (int)(place / tilesX) * Side, width, depth, heights);
+                }
+            }
+            if (tellsColliders) Colliders = new UTF8Encoding(false, true).GetString(data, at, data.Length - at);
+            else if (at != data.Length) throw Wrong("there are bytes after the last tile");
+        }
+
+        void ReadTile()
+        {
+            var flags = Byte();
+            if ((flags & ~3) != 0) throw Wrong("these flags of a tile have no meaning");
+            width = depth = Side / Stride;
+            if ((flags & 2) != 0)
+            {
+                var size = Byte();
+                if (size >= Side * Side) throw Wrong("a tile has at most 8 samples along a side");
+                width = size % Side + 1;
+                depth = size / Side + 1;
+            }
+            var level = Short();
+            for (var i = 0; i < width * depth; i++) heights[i] = level;
+            if ((flags & 1) == 0) return;
+            var coded = Byte();
+            if (coded >> depth != 0) throw Wrong("a row is beyond the tile");
+            for (var z = 0; z < depth; z++)
+            {
+                if (((coded >> z) & 1) != 0) ReadRow(z, level);
+                else if (z > 0) Array.Copy(heights, (z - 1) * width, heights, z * width, width);
+            }
+        }
+
+        void ReadRow(int z, uint level)
+        {
+            var code = Byte();
+            var bits = (code & 31) == 31 ? 32 : code & 31;
+            var predictor = (code >> 5) & 3;
+            if (predictor == 3) throw Wrong("there is no such predictor");
+            var there = (code & 0x80) != 0 ? Byte() : (1 << width) - 1;
+            if (there >> width != 0) throw Wrong("a residual is beyond the row");
+            var count = 0;
+            for (var x = 0; x < width; x++) count += (there >> x) & 1;
+            var bit = (long)at * 8;
+            at += (count * bits + 7) / 8;
+            if (at > data.Length) throw Wrong("the message ends too early");
+            uint aboveLeft = 0;
+            for (var x = 0; x < width; x++)
+            {
+                var index = z * width + x;
+                uint residual = 0;
+                if (((there >> x) & 1) != 0)
+                    for (var i = 0; i < bits; i++, bit++)
+                        residual |= (uint)((data[bit >> 3] >> (int)(bit & 7)) & 1) << i;
+                var above = z == 0 ? level : heights[index - width];
+                unchecked
+                {
+                    var guess = above;
+                    if (x > 0 && predictor == 0) guess = heights[index - 1];
+                    if (x > 0 && predictor == 2) guess = heights[index - 1] + above - aboveLeft;
+                    heights[index] = guess + ((residual >> 1) ^ (0u - (residual & 1)));
+                }
+                aboveLeft = above;
+            }
+        }
+
+        int Byte()
+        {
+            if (at >= data.Length) throw Wrong("the message ends too early");
+            return data[at++];
+        }
+
+        ulong Number()
+        {
+            ulong value = 0;
+            for (var shift = 0; shift < 64; shift += 7)
+            {
+                var next = Byte();
+                if (shift == 63 && (next & 0x7f) > 1) break;
+                value |= (ulong)(next & 0x7f) << shift;
+                if ((next & 0x80) == 0) return value;
+            }
+            throw Wrong("a number has more than 64 bits");
+        }
+
+        uint Short()
+        {
+            var value = Number();
+            if (value > uint.MaxValue) throw Wrong("a number has more than 32 bits");
+            return (uint)value;
+        }
+
+        InvalidDataException Wrong(string what)
+        {
+            return new InvalidDataException("byte " + Math.Max(at - 1, 0) + ": " + what);
+        }
+    }
+}

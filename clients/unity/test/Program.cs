@@ -1,0 +1,54 @@
+// What the tests of FirnHeightfield.cs drive. Plain .NET, no Unity.
+//
+//     decode HEX            prints a message's tiles, or what is wrong with it
+//     follow SERVER SESSION prints a line for every new state: seq, recovered, width, depth, heights in millimetres
+
+using System;
+using System.IO;
+using System.Linq;
+using System.Threading;
+using Firn;
+
+static class Program
+{
+    static int Main(string[] arguments)
+    {
+        if (arguments[0] == "decode") return Decode(arguments[1]);
+        var snow = new Heightfield(new Uri(arguments[1]), arguments[2], maxRate: 60);
+        var running = snow.RunAsync(CancellationToken.None);
+        while (!running.IsCompleted)
+        {
+            if (snow.Poll()) Print(snow);
+            Thread.Sleep(5);
+        }
+        Console.WriteLine("ended " + running.Exception.InnerException.Message);
+        return 0;
+    }
+
+    static void Print(Heightfield snow)
+    {
+        var heights = snow.Heights.Select(height => Math.Round(height * 1000));
+        Console.WriteLine("{0} {1} {2} {3} {4}", snow.Seq, snow.Recovered?.ToString() ?? "-", snow.Width, snow.Depth,
+            string.Join(" ", heights));
+        Console.Out.Flush();
+    }
+
+    static int Decode(string hex)
+    {
+        var bytes = Enumerable.Range(0, hex.Length / 2).Select(i => Convert.ToByte(hex.Substring(2 * i, 2), 16)).ToArray();
+        try
+        {
+            var message = new HeightMessage(bytes);
+            Console.WriteLine("{0} {1} {2} {3} {4} {5} {6}", message.Snapshot ? "snapshot" : "delta", message.Id, message.Seq,
+                message.Tick, message.Recovered?.ToString() ?? "-", message.More, message.Stride);
+            message.ReadTiles((x, z, width, depth, heights) =>
+                Console.WriteLine("{0} {1} {2} {3} {4}", x, z, width, depth, string.Join(" ", heights.Take(width * depth))));
+            return 0;
+        }
+        catch (InvalidDataException error)
+        {
+            Console.WriteLine(error.Message);
+            return 1;
+        }
+    }
+}

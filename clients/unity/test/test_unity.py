@@ -1,0 +1,96 @@
+"""FirnHeightfield.cs, compiled as plain .NET, against the test vectors and a real server: run by scripts/test-unity."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import subprocess
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+from firn import Client, Session
+from line import Line
+from server import ROOT, Server
+
+PROGRAM = ["mono", os.environ["FIRN_UNITY_TEST"]]
+VECTORS = json.loads((ROOT / "api/height-stream-vectors.json").read_text())
+
+
+@pytest.mark.parametrize("vector", VECTORS["messages"], ids=lambda vector: vector["name"])
+def test_a_message_says_what_it_should(vector: dict[str, Any]) -> None:
+    wanted = vector["message"]
+    recovered = "-" if wanted["recovered"] is None else wanted["recovered"]
+    head = [wanted[name] for name in ("op", "id", "seq", "tick")] + [recovered, wanted["more"], wanted["stride"]]
+    tiles = [
+        [tile[n] for n in ("column_x", "column_z", "width", "depth")] + tile["heights"] for tile in wanted["tiles"]
+    ]
+    said = subprocess.run([*PROGRAM, "decode", vector["hex"]], capture_output=True, text=True, check=True).stdout
+    assert said.splitlines() == [" ".join(map(str, line)) for line in [head, *tiles]]
+
+
+@pytest.mark.parametrize("vector", VECTORS["wrong"], ids=lambda vector: vector["name"])
+def test_anything_else_is_refused(vector: dict[str, Any]) -> None:
+    done = subprocess.run([*PROGRAM, "decode", vector["hex"]], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.splitlines()[-1][:5]) == (1, "byte ")
+
+
+class Follower:
+    def __init__(self, process: asyncio.subprocess.Process) -> None:
+        self.process = process
+
+    async def line(self) -> list[str]:
+        assert self.process.stdout is not None
+        return (await asyncio.wait_for(self.process.stdout.readline(), 30)).decode().split()
+
+    async def until(self, seq: int) -> tuple[str, np.ndarray]:
+        """Recovered or not, and the heights [mm], once they are of a seq or later."""
+        while True:
+            told, recovered, width, depth, *heights = await self.line()
+            if int(told) >= seq:
+                return recovered, np.array(heights, int).reshape(int(depth), int(width))
+
+
+@asynccontextmanager
+async def follow(url: str, session: str) -> AsyncIterator[Follower]:
+    process = await asyncio.create_subprocess_exec(
+        *PROGRAM, "follow", url, session, stdout=asyncio.subprocess.PIPE, limit=1 << 20
+    )
+    try:
+        yield Follower(process)
+    finally:
+        if process.returncode is None:
+            process.kill()
+        await process.wait()
+
+
+def millimetres(session: Session) -> np.ndarray:
+    return np.floor(session.heights().heights.astype(float) / 0.001 + 0.5)
+
+
+async def test_it_holds_what_rest_tells_also_after_a_lost_connection(client: Client, server: Server) -> None:
+    grid = {"width": 50, "depth": 20, "height": 30, "cell_size": 0.2}
+    session = client.create_session(id="unity", grid=grid, paused=True, initial_snow=[{"depth": 2}])
+    async with Line(server.port) as line, follow(line.url, "unity") as follower:
+        recovered, heights = await follower.until(0)
+        assert recovered == "-" and heights.shape == (20, 50) and (heights == 2000).all()
+        fall = session.snowfall(0.3, region={"x": 1, "z": 1, "width": 3, "depth": 1})
+        _, heights = await follower.until(fall["seq"])
+        np.testing.assert_array_equal(heights, millimetres(session))
+
+        line.cut()
+        fall = session.snowfall(0.5, region={"x": 0, "z": 0, "width": 2, "depth": 3})
+        session.step(ticks=30)
+        line.mend()
+        recovered, heights = await follower.until(fall["seq"])
+        assert recovered == "True"
+        np.testing.assert_array_equal(heights, millimetres(session))
+
+        session.delete()
+        while (said := await follower.line())[0] != "ended":
+            pass
+        assert said[-1] == "(3502)"

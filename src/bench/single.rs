@@ -1,0 +1,142 @@
+//! One session in the running world: what a frame takes, the host's part included.
+
+use std::time::{Duration, Instant};
+
+use super::case::Case;
+use super::host::{Host, spec};
+use super::report::{Clock, Measured, Report};
+use super::spread::Spread;
+use super::{BenchError, Plan};
+use crate::session::{
+    Change, ColliderBatch, ColliderSpec, FRAME_RATE, SessionSpec, SettingsPatch, StepSpec,
+};
+use crate::snow::{Position, Shape};
+
+/// Frames before the first that counts.
+const WARM_UP: usize = 30;
+
+/// Slots of a column.
+const HEIGHT: u32 = 50;
+
+/// Wheels of the vehicle: apart from its middle \[m\].
+const WHEELS: [(&str, f64, f64); 4] = [
+    ("front-left", 1.3, -0.8),
+    ("front-right", 1.3, 0.8),
+    ("rear-left", -1.3, -0.8),
+    ("rear-right", -1.3, 0.8),
+];
+
+/// Load of each wheel \[kg\].
+const WHEEL_LOAD: f64 = 400.0;
+
+/// How far the vehicle moves from one frame to the next \[m\]: 40 km/h.
+const STRIDE: f64 = 11.1 / FRAME_RATE;
+
+/// Measures the cases of one session.
+pub(super) fn measure(
+    plan: &Plan,
+    report: &mut Report,
+    observe: &mut dyn FnMut(&str),
+) -> Result<(), BenchError> {
+    if plan.wants_any(&[Case::SessionFrame, Case::Create]) {
+        let host = Host::start(plan, FRAME_RATE)?;
+        if plan.wants(Case::Create) {
+            observe("create: sessions one after another");
+            report.cases.push(create(&host, plan.samples)?);
+        }
+        if plan.wants(Case::SessionFrame) {
+            observe("session-frame: a live session");
+            report.cases.push(live_session(&host, plan.samples)?);
+        }
+    }
+    if plan.wants(Case::Vehicle) {
+        observe("vehicle: laying the snow and letting it settle");
+        let host = Host::start(plan, FRAME_RATE)?;
+        report.cases.push(vehicle(&host, plan, observe)?);
+    }
+    Ok(())
+}
+
+fn measured(case: Case, side: u32, times: Vec<Duration>) -> Result<Measured, BenchError> {
+    let nothing = || BenchError::Stuck { case: case.name(), what: "nothing was timed".into() };
+    let time = Spread::of(times).ok_or_else(nothing)?;
+    Ok(Measured::new(case, 1, [side, side, HEIGHT], Clock::Wall, time))
+}
+
+/// A session is created, its heights are read, and it is deleted again.
+fn create(host: &Host, samples: u32) -> Result<Measured, BenchError> {
+    let mut times = Vec::new();
+    for sample in 0..=samples {
+        let begun = Instant::now();
+        let session = host.create(SessionSpec { paused: true, ..spec(50, 5.8) })?;
+        let summary = session.mirror().summary();
+        let time = begun.elapsed();
+        if summary.min_height != 5.8 && (summary.min_height - 5.8).abs() > 1e-6 {
+            let what = format!("the first heights are {} m", summary.min_height);
+            return Err(BenchError::Stuck { case: Case::Create.name(), what });
+        }
+        host.runtime.block_on(host.sessions.delete(&session.id))?;
+        // The first one compiles and allocates.
+        if sample > 0 {
+            times.push(time);
+        }
+    }
+    measured(Case::Create, 50, times)
+}
+
+/// A session ticks and publishes with every frame.
+fn live_session(host: &Host, samples: u32) -> Result<Measured, BenchError> {
+    let session = host.create(spec(50, 5.8))?;
+    let case = Case::SessionFrame;
+    let tiles = session.spec.grid.tiles();
+    let count = WARM_UP + samples as usize;
+    let frames = host.watch(case.name(), count, |frame| frame.published_tiles == tiles)?;
+    let times = frames[WARM_UP..].iter().map(|frame| frame.took).collect();
+    host.runtime.block_on(host.sessions.delete(&session.id))?;
+    measured(case, 50, times)
+}
+
+/// A vehicle drives through a large world at rest.
+fn vehicle(
+    host: &Host,
+    plan: &Plan,
+    observe: &mut dyn FnMut(&str),
+) -> Result<Measured, BenchError> {
+    let case = Case::Vehicle;
+    let side = plan.side(2048);
+    // A quarter of a second is the longest cycle there is: it settles fastest.
+    let spec = SessionSpec { paused: true, time_scale: 15.0, ..spec(side, 5.8) };
+    let extent = f64::from(side) * spec.grid.cell_size;
+    let session = host.create(spec)?;
+    let settle =
+        StepSpec { until_settled: Some(true), max_seconds: Some(100_000.0), ..StepSpec::default() };
+    host.runtime.block_on(session.step(settle))?;
+    let live =
+        SettingsPatch { paused: Some(false), time_scale: Some(1.0), ..SettingsPatch::default() };
+    host.runtime.block_on(session.change(Change::Settings(live)))?;
+    host.wait_until(case.name(), "the snow comes to rest", || session.mirror().settled)?;
+
+    observe("vehicle: driving");
+    let first = host.newest_frame();
+    let way = extent - 4.0;
+    for step in 0..WARM_UP as u32 + plan.samples {
+        let x = 2.0 + (f64::from(step) * STRIDE) % way.max(0.1);
+        let batch = ColliderBatch { put: wheels(x.min(extent), extent / 2.0), delete: Vec::new() };
+        host.runtime.block_on(session.change(Change::Colliders(batch)))?;
+        host.sleep(Duration::from_secs_f64(1.0 / FRAME_RATE));
+    }
+    let frames = host.sessions.vitals().frame_times();
+    let driven = frames.iter().filter(|frame| frame.number > first && frame.sessions == 1);
+    let times: Vec<Duration> = driven.map(|frame| frame.took).skip(WARM_UP).collect();
+    measured(case, side, times)
+}
+
+fn wheels(x: f64, z: f64) -> Vec<ColliderSpec> {
+    let wheel = |&(id, dx, dz): &(&str, f64, f64)| ColliderSpec {
+        id: Some(id.to_owned()),
+        mass: WHEEL_LOAD,
+        shape: Shape::Box { width: 0.4, depth: 0.4 },
+        position: Position { x: (x + dx).max(0.0), z: (z + dz).max(0.0) },
+    };
+    WHEELS.iter().map(wheel).collect()
+}

@@ -1,0 +1,129 @@
+//! Pictures of the snow.
+
+mod query;
+
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use utoipa::ToSchema;
+
+use crate::http::docs::{Held, ParameterProblems, SessionPath, SessionProblems};
+use crate::http::etag;
+use crate::http::extract::{Query, Segments};
+use crate::http::state::App;
+use crate::problem::Problem;
+use crate::render::{self, Field, Snow, View};
+use crate::session::{MOST_SAMPLES, Session, Stamp};
+use crate::snow::ColumnRect;
+
+use self::query::RenderQuery;
+use super::stamp_headers;
+
+/// A PNG image of 8 bits per channel; with transparency where the background is transparent.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+#[expect(dead_code, reason = "it only describes the answer")]
+pub struct PngImage(Vec<u8>);
+
+/// Draw the snow
+///
+/// The fixed grid as boxes coloured by a field, the surface, or a vertical cut, with a legend in
+/// units. The graphics device draws it, on a thread of its own, so that no snowpack waits for a
+/// picture. Faces that lie level have the legend's very colour; sides are shaded, unless `shading`
+/// is off. Objects have no height of their own: they are drawn about a third as high as they are wide.
+/// Choose a part of the columns to look inside.
+#[utoipa::path(
+    get,
+    path = "/v1/sessions/{id}/render.png",
+    operation_id = "get_render",
+    tag = "snow",
+    params(SessionPath, RenderQuery, Held),
+    responses(
+        (status = 200, description = "The picture", body = PngImage, content_type = "image/png",
+            headers(
+                ("Firn-Tick" = u64, description = "Tick at which it holds"),
+                ("Firn-Seq" = u64, description = "Seq at which it holds"),
+                ("ETag" = String, description = "Weak: names the state and what is shown of it")
+            )),
+        (status = 304, description = "The client holds it already",
+            headers(
+                ("Firn-Tick" = u64, description = "Tick at which it holds"),
+                ("Firn-Seq" = u64, description = "Seq at which it holds"),
+                ("ETag" = String, description = "As of the picture")
+            )),
+        (status = 413, description = "More than 2²⁰ cells would be shown; choose a part of them",
+            body = Problem, content_type = "application/problem+json"),
+        (status = 501, description = "The server has no graphics adapter, not even a software one",
+            body = Problem, content_type = "application/problem+json"),
+        (status = 507, description = "The device's memory does not hold a picture of that size",
+            body = Problem, content_type = "application/problem+json"),
+        SessionProblems,
+        ParameterProblems
+    )
+)]
+pub async fn get(
+    State(app): State<App>,
+    Segments(id): Segments<String>,
+    Query(query): Query<RenderQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let session = app.sessions.get(&id)?;
+    let region = query.region(&session)?;
+    let asked = blake3::hash(format!("{query:?}").as_bytes()).to_hex();
+    let tag = |stamp: Stamp| format!("W/\"{}-{}-{}\"", session.epoch, stamp.seq, &asked[..16]);
+    if headers.contains_key(header::IF_NONE_MATCH) {
+        let stamp = session.mirror().stamp_at(session.frame());
+        if etag::is_held(&headers, &tag(stamp)) {
+            let headers = (stamp_headers(stamp), validators(tag(stamp)));
+            return Ok((StatusCode::NOT_MODIFIED, headers).into_response());
+        }
+    }
+    let (stamp, snow) = read(&session, &query, region).await?;
+    let picture = render::draw(&app.renderer, query.picture, snow).await?;
+    let kind = [(header::CONTENT_TYPE, HeaderValue::from_static("image/png"))];
+    Ok((stamp_headers(stamp), validators(tag(stamp)), kind, picture).into_response())
+}
+
+/// What the picture is made from.
+async fn read(
+    session: &Session,
+    query: &RenderQuery,
+    region: ColumnRect,
+) -> Result<(Stamp, Snow), Problem> {
+    let spec = &session.spec;
+    // Elevations of the surface are all that this shows, and they are at hand.
+    if query.picture.view == View::Surface && query.picture.field == Field::Position {
+        check(region.columns())?;
+        let mirror = session.mirror();
+        let metres = |(x, z)| spec.grid.metres(u64::from(mirror.height(x, z))) as f32;
+        let places =
+            (region.z0..region.z1).flat_map(|z| (region.x0..region.x1).map(move |x| (x, z)));
+        let depths = places.map(metres).collect();
+        let snow = Snow::from_depths(spec, region, depths, &mirror.colliders);
+        return Ok((mirror.stamp_at(session.frame()), snow));
+    }
+    let height = session.sampled_height();
+    check(region.columns() * u64::from(height))?;
+    let sampled = session.sample(region, 0, height).await?;
+    let colliders = session.mirror().colliders.clone();
+    Ok((sampled.stamp, Snow::from_cells(spec, region, sampled.cells, &colliders)))
+}
+
+fn check(cells: u64) -> Result<(), Problem> {
+    if cells <= MOST_SAMPLES {
+        return Ok(());
+    }
+    Err(Problem::too_large(format!(
+        "the picture would show {cells} cells, more than {MOST_SAMPLES}; choose a part of them with \
+         `column_x`, `column_z`, `columns_x` and `columns_z`, or `view=section`, or \
+         `view=surface&field=position`, which counts columns alone"
+    )))
+}
+
+/// The headers by which a client may ask for it again.
+fn validators(tag: String) -> [(HeaderName, HeaderValue); 2] {
+    [
+        (header::ETAG, HeaderValue::try_from(tag).expect("an epoch is ASCII")),
+        (header::CACHE_CONTROL, HeaderValue::from_static("no-cache")),
+    ]
+}

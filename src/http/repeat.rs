@@ -1,0 +1,162 @@
+//! `Idempotency-Key`: a request that is sent again gets the first answer, and changes nothing.
+
+use axum::body::{Body, to_bytes};
+use axum::extract::rejection::RawPathParamsRejection;
+use axum::extract::{MatchedPath, RawPathParams, Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+use crate::problem::Problem;
+use crate::session::{Answer, Idempotency, NoPlace, RequestKey};
+
+use super::extract::read_body;
+use super::state::App;
+
+/// The header that names a request.
+pub const KEY: HeaderName = HeaderName::from_static("idempotency-key");
+
+/// Tells an answer that was sent before.
+pub const REPLAYED: HeaderName = HeaderName::from_static("idempotent-replayed");
+
+/// The calls that take a key: POSTs that add or clear something.
+pub const CALLS: [&str; 5] = [
+    "/v1/sessions",
+    "/v1/sessions/{id}/snowfalls",
+    "/v1/sessions/{id}/clearings",
+    "/v1/sessions/{id}/colliders",
+    "/v1/sessions/{id}/colliders:batch",
+];
+
+/// Longest key \[bytes\].
+const LONGEST_KEY: usize = 255;
+
+/// Answers a request that was answered before as it was then; carries out all others.
+///
+/// # Errors
+/// 422 where the key can't be used, or was used for another request; 429 where too many answers are
+/// kept; those of reading the body.
+pub async fn answer_once(
+    State(app): State<App>,
+    path: MatchedPath,
+    params: Result<RawPathParams, RawPathParamsRejection>,
+    request: Request,
+    next: Next,
+) -> Result<Response, Problem> {
+    let takes_key = request.method() == Method::POST && CALLS.contains(&path.as_str());
+    let Some(given) = given_key(request.headers())?.filter(|_| takes_key) else {
+        return Ok(next.run(request).await);
+    };
+    // Another session may get the name later: its requests are others.
+    let named = params.iter().flatten().find(|(name, _)| *name == "id");
+    let epoch = match named.map(|(_, id)| app.sessions.peek(id)) {
+        None => String::new(),
+        Some(Some(session)) => session.epoch.clone(),
+        Some(None) => return Ok(next.run(request).await),
+    };
+    let key = hash(&[epoch.as_bytes(), path.as_str().as_bytes(), given.as_bytes()]);
+    let (request, content) = read(request, &app).await?;
+    let place = app.repeats.lookup(key, content).map_err(refuse)?;
+
+    // A task of its own: where the client goes away, what it began is still done, and noted.
+    let answering = tokio::spawn(async move {
+        let mut carried_out = false;
+        let carry_out = async || {
+            carried_out = true;
+            let answer = keep(next.run(request).await).await?;
+            app.repeats.record(&key, &place, &answer);
+            Ok(answer)
+        };
+        match place.answer.get_or_try_init(carry_out).await {
+            Ok(answer) => restore(answer, !carried_out),
+            Err(Unkept(response)) => *response,
+        }
+    });
+    answering.await.map_err(|failure| match failure.try_into_panic() {
+        Ok(cause) => std::panic::resume_unwind(cause),
+        Err(_) => Problem::unavailable("the server is stopping"),
+    })
+}
+
+/// An answer that is not kept: what was asked for was not done, and trying again makes sense.
+struct Unkept(Box<Response>);
+
+fn given_key(headers: &HeaderMap) -> Result<Option<HeaderValue>, Problem> {
+    let mut given = headers.get_all(KEY).iter();
+    let Some(key) = given.next() else { return Ok(None) };
+    if given.next().is_some() || key.is_empty() || key.len() > LONGEST_KEY {
+        let detail = format!("expected one key of 1 to {LONGEST_KEY} characters");
+        return Err(Problem::invalid_field("Idempotency-Key", detail));
+    }
+    Ok(Some(key.clone()))
+}
+
+/// Reads a request whole; returns it with a hash of what it says.
+async fn read(request: Request, app: &App) -> Result<(Request, RequestKey), Problem> {
+    let (parts, body) = request.into_parts();
+    let body = read_body(Request::from_parts(parts.clone(), body), app).await?;
+    let query = parts.uri.query().unwrap_or("");
+    let media_type = parts.headers.get(header::CONTENT_TYPE).map_or(&[][..], |m| m.as_bytes());
+    let content = hash(&[query.as_bytes(), media_type, &body]);
+    Ok((Request::from_parts(parts, Body::from(body)), content))
+}
+
+fn hash(parts: &[&[u8]]) -> RequestKey {
+    let mut hasher = blake3::Hasher::new();
+    for part in parts {
+        hasher.update(&(part.len() as u64).to_le_bytes());
+        hasher.update(part);
+    }
+    *hasher.finalize().as_bytes()
+}
+
+fn refuse(why: NoPlace) -> Problem {
+    match why {
+        NoPlace::OtherRequest => Problem::invalid_field(
+            "Idempotency-Key",
+            format!(
+                "was used for another request within the last {} minutes; a key belongs to one \
+                 request and its repeats",
+                Idempotency::LIFETIME.as_secs() / 60
+            ),
+        ),
+        NoPlace::Full(wait) => Problem::too_many_requests(
+            "the server keeps as many answers for repeats as it may; send fewer keys",
+            u32::try_from(wait.as_secs()).unwrap_or(u32::MAX).max(1),
+        ),
+    }
+}
+
+/// Takes an answer apart to keep it.
+async fn keep(response: Response) -> Result<Answer, Unkept> {
+    let status = response.status();
+    if status.is_server_error() || status == StatusCode::TOO_MANY_REQUESTS {
+        return Err(Unkept(Box::new(response)));
+    }
+    let (parts, body) = response.into_parts();
+    let headers = parts.headers.iter();
+    let headers = headers.map(|(name, value)| (name.to_string(), value.as_bytes().to_vec()));
+    let headers = headers.collect();
+    // Handlers make their bodies whole, so that this can't fail.
+    let body = to_bytes(body, usize::MAX).await.map_err(|_| {
+        let problem = Problem::internal("the answer could not be made");
+        Unkept(Box::new(problem.into_response()))
+    })?;
+    Ok(Answer { status: status.as_u16(), headers, body: body.to_vec() })
+}
+
+/// Puts an answer together again.
+fn restore(answer: &Answer, replayed: bool) -> Response {
+    let mut response = Response::new(Body::from(answer.body.clone()));
+    *response.status_mut() = StatusCode::from_u16(answer.status).unwrap_or_default();
+    for (name, value) in &answer.headers {
+        let header = (HeaderName::try_from(name.as_str()), HeaderValue::from_bytes(value));
+        if let (Ok(name), Ok(value)) = header {
+            response.headers_mut().append(name, value);
+        }
+    }
+    if replayed {
+        response.headers_mut().insert(REPLAYED, HeaderValue::from_static("true"));
+    }
+    response
+}

@@ -1,0 +1,86 @@
+//! The simulations of the world, and which of them want to be in the coming frames.
+
+use std::collections::{BTreeSet, HashMap};
+
+use crate::session::simulation::Simulation;
+
+/// Simulations by their keys. What is done for the active ones costs nothing for all others.
+#[derive(Debug, Default)]
+pub(super) struct Simulations {
+    /// Place of each one.
+    places: HashMap<u64, usize>,
+    /// Boxed, so that a place costs little.
+    all: Vec<Option<Box<Simulation>>>,
+    free: BTreeSet<usize>,
+    active: BTreeSet<usize>,
+}
+
+impl Simulations {
+    pub fn contains_key(&self, key: &u64) -> bool {
+        self.places.contains_key(key)
+    }
+
+    pub fn get(&self, key: &u64) -> Option<&Simulation> {
+        self.all[*self.places.get(key)?].as_deref()
+    }
+
+    pub fn get_mut(&mut self, key: &u64) -> Option<&mut Simulation> {
+        self.all[*self.places.get(key)?].as_deref_mut()
+    }
+
+    /// Adds a simulation, at rest.
+    pub fn insert(&mut self, key: u64, simulation: Simulation) {
+        let place = self.free.pop_first().unwrap_or_else(|| {
+            self.all.push(None);
+            self.all.len() - 1
+        });
+        self.all[place] = Some(Box::new(simulation));
+        self.places.insert(key, place);
+    }
+
+    pub fn remove(&mut self, key: &u64) -> Option<Box<Simulation>> {
+        let place = self.places.remove(key)?;
+        self.active.remove(&place);
+        self.free.insert(place);
+        self.all[place].take()
+    }
+
+    /// Says whether a simulation wants to be in the coming frames.
+    pub fn set_active(&mut self, key: u64, active: bool) {
+        let Some(&place) = self.places.get(&key) else { return };
+        if active {
+            self.active.insert(place);
+        } else {
+            self.active.remove(&place);
+        }
+    }
+
+    /// All that want to be in the coming frames.
+    pub fn active_mut(&mut self) -> Vec<&mut Simulation> {
+        let mut found = Vec::with_capacity(self.active.len());
+        let (mut rest, mut first) = (self.all.as_mut_slice(), 0);
+        for &place in &self.active {
+            let (head, tail) = rest.split_at_mut(place - first + 1);
+            found.extend(head.last_mut().and_then(|simulation| simulation.as_deref_mut()));
+            (rest, first) = (tail, place + 1);
+        }
+        found
+    }
+
+    /// Has none of them in the coming frames. Returns those that were to be.
+    pub fn take_active(&mut self) -> Vec<u64> {
+        let active = std::mem::take(&mut self.active);
+        let key = |place: usize| Some(self.all[place].as_ref()?.session.key);
+        active.into_iter().filter_map(key).collect()
+    }
+
+    /// All of them, with their keys.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = (u64, &mut Simulation)> {
+        self.all.iter_mut().flatten().map(|simulation| (simulation.session.key, &mut **simulation))
+    }
+
+    /// All of them, with their keys.
+    pub fn into_iter(self) -> impl Iterator<Item = (u64, Box<Simulation>)> {
+        self.all.into_iter().flatten().map(|simulation| (simulation.session.key, simulation))
+    }
+}

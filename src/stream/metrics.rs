@@ -1,0 +1,111 @@
+//! Streams: how many are open, what they carry, and how they end.
+
+use prometheus_client::encoding::{EncodeLabelSet, EncodeLabelValue, LabelValueEncoder};
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::registry::{Registry, Unit};
+
+use super::cause::Cause;
+use super::tiles::Protocol;
+
+/// Counts streams.
+#[derive(Clone, Debug, Default)]
+pub struct StreamMetrics {
+    open: Family<ByProtocol, Gauge>,
+    ended: Family<ByCause, Counter>,
+    messages: Family<ByProtocol, Counter>,
+    bytes: Family<ByProtocol, Counter>,
+}
+
+/// What the streams of one protocol carry: handles that cost no look-up.
+#[derive(Clone, Debug)]
+pub struct Carried {
+    open: Gauge,
+    messages: Counter,
+    bytes: Counter,
+}
+
+impl Carried {
+    fn open(metrics: &StreamMetrics, protocol: Protocol) -> Carried {
+        let label = ByProtocol { protocol };
+        let carried = Carried {
+            open: metrics.open.get_or_create_owned(&label),
+            messages: metrics.messages.get_or_create_owned(&label),
+            bytes: metrics.bytes.get_or_create_owned(&label),
+        };
+        carried.open.inc();
+        carried
+    }
+
+    /// Counts a message of heights to a client.
+    pub fn message(&self, bytes: usize) {
+        self.messages.inc();
+        self.bytes.inc_by(bytes as u64);
+    }
+}
+
+impl Drop for Carried {
+    fn drop(&mut self) {
+        self.open.dec();
+    }
+}
+
+impl StreamMetrics {
+    /// Adds the metrics of streams to a registry.
+    pub fn register(registry: &mut Registry) -> StreamMetrics {
+        let metrics = StreamMetrics::default();
+        registry.register("streams", "Streams that are open", metrics.open.clone());
+        let help = "Streams that have ended, by cause";
+        registry.register("streams_ended", help, metrics.ended.clone());
+        let help = "Messages of heights to stream clients";
+        registry.register("stream_messages", help, metrics.messages.clone());
+        let help = "Payload of the messages of heights to stream clients";
+        registry.register_with_unit("stream_payload", help, Unit::Bytes, metrics.bytes.clone());
+        // What has not occurred yet reads 0, so that alerts and rates can watch it.
+        for cause in Cause::ALL {
+            drop(metrics.ended.get_or_create(&ByCause { cause }));
+        }
+        for protocol in Protocol::ALL {
+            drop(Carried::open(&metrics, protocol));
+        }
+        metrics
+    }
+
+    /// Counts a stream as open until what is returned is dropped.
+    pub fn begin(&self, protocol: Protocol) -> Carried {
+        Carried::open(self, protocol)
+    }
+
+    /// Counts a stream that ended.
+    pub fn end(&self, cause: Cause) {
+        self.ended.get_or_create(&ByCause { cause }).inc();
+    }
+
+    /// Streams that have ended for a cause.
+    pub fn ended(&self, cause: Cause) -> u64 {
+        self.ended.get_or_create(&ByCause { cause }).get()
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct ByProtocol {
+    protocol: Protocol,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct ByCause {
+    cause: Cause,
+}
+
+impl EncodeLabelValue for Protocol {
+    fn encode(&self, encoder: &mut LabelValueEncoder) -> std::fmt::Result {
+        self.name().encode(encoder)
+    }
+}
+
+impl EncodeLabelValue for Cause {
+    fn encode(&self, encoder: &mut LabelValueEncoder) -> std::fmt::Result {
+        self.label().encode(encoder)
+    }
+}

@@ -1,0 +1,24 @@
+//! The REST interface: a real server on each backend, asked over a real socket.
+
+mod auth;
+mod cells;
+mod colliders;
+mod docs;
+mod errors;
+mod golden;
+mod heights;
+mod isolation;
+mod limits;
+mod metrics;
+mod origin;
+mod probes;
+mod profile;
+mod render;
+mod repeat;
+mod server;
+mod sessions;
+mod snapshots;
+mod snow;
+#[path = "../support/mod.rs"]
+mod support;
+mod viewer;

@@ -1,0 +1,141 @@
+//! The load tool against a real server.
+
+use std::process::{Output, Stdio};
+use std::time::Duration;
+
+use crate::on_each_backend;
+use crate::support::Server;
+use firn::config::BackendChoice;
+use serde_json::Value;
+use tokio::process::Command;
+
+on_each_backend!(a_run_is_reported, stalled_clients_catch_up, an_interrupted_run_cleans_up);
+
+/// Beyond any run of these tests.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+fn tool(server: &Server, options: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_firn"));
+    command
+        .args(["load", "--json", "--grid", "32x32", "--region", "16x16", "--url", &server.url])
+        .args(options)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .kill_on_drop(true);
+    command
+}
+
+#[track_caller]
+fn report(output: &Output) -> Value {
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    serde_json::from_slice(&output.stdout).expect("a report is JSON")
+}
+
+async fn finished(mut command: Command) -> Output {
+    tokio::time::timeout(PATIENCE, command.output()).await.expect("it ends").expect("it runs")
+}
+
+async fn sessions(server: &Server) -> usize {
+    let list = server.get("/v1/sessions").await.expect(200);
+    list["items"].as_array().expect("a list").len()
+}
+
+async fn a_run_is_reported(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let pid = std::process::id().to_string();
+    let mut options = vec!["--clients", "20", "--colliders", "3", "--duration", "2s"];
+    if cfg!(target_os = "linux") {
+        options.extend(["--server-pid", &pid]);
+    }
+    let report = report(&finished(tool(&server, &options)).await);
+    assert_eq!(report["clients"], 20, "{report}");
+    assert_eq!(report["drops"], serde_json::json!({}), "{report}");
+    assert_eq!(report["interrupted"], false);
+    assert_eq!(report["batches_refused"], 0);
+    for counted in ["messages", "delta_bytes", "delta_columns", "batches"] {
+        assert!(report[counted].as_u64() > Some(0), "{counted}: {report}");
+    }
+    // Whole tiles of 64 columns, which the grid has only.
+    assert_eq!(report["delta_columns"].as_u64().unwrap() % 64, 0);
+    let per_column = report["bytes_per_column"].as_f64().unwrap();
+    let bytes = report["delta_bytes"].as_f64().unwrap();
+    assert!((per_column - bytes / report["delta_columns"].as_f64().unwrap()).abs() < 1e-9);
+    // In JSON a column takes a digit and a comma at least.
+    assert!(per_column >= 2.0, "{report}");
+    let latency = &report["latency_ms"];
+    let of = |name: &str| latency[name].as_f64().unwrap();
+    assert!(of("p50") <= of("p90") && of("p90") <= of("p99") && of("p99") <= of("max"));
+    assert!(of("p50") >= 0.0 && latency["count"].as_u64() > Some(0), "{report}");
+    assert_eq!(report["server_memory"].is_object(), cfg!(target_os = "linux"));
+    assert_eq!(sessions(&server).await, 0, "its sessions are deleted");
+    server.stop().await;
+}
+
+async fn stalled_clients_catch_up(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let options = [
+        "--sessions",
+        "2",
+        "--clients",
+        "6",
+        "--slow-clients",
+        "2",
+        "--stall",
+        "500ms",
+        "--duration",
+        "3s",
+        "--settled",
+    ];
+    let report = report(&finished(tool(&server, &options)).await);
+    assert_eq!((&report["sessions"], &report["slow_clients"]), (&2.into(), &2.into()));
+    assert_eq!(report["caught_up"], 2, "{report}");
+    assert!(report["catch_up_messages"].as_u64() >= Some(1), "{report}");
+    assert_eq!(sessions(&server).await, 0);
+    server.stop().await;
+}
+
+async fn an_interrupted_run_cleans_up(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let mut command = tool(&server, &["--clients", "5", "--duration", "10m"]);
+    let child = command.spawn().expect("it runs");
+    let pid = child.id().expect("it has not ended").to_string();
+    let waited = async {
+        while sessions(&server).await == 0 {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    tokio::time::timeout(PATIENCE, waited).await.expect("it creates a session");
+    let sent = Command::new("kill").args(["-INT", &pid]).status().await.expect("kill runs");
+    assert!(sent.success());
+    let ended = tokio::time::timeout(PATIENCE, child.wait_with_output()).await;
+    let output = ended.expect("it ends").expect("it was waited for");
+    // Whether it was still preparing or running already, it says so and leaves nothing behind.
+    if output.status.success() {
+        assert_eq!(report(&output)["interrupted"], true);
+    } else {
+        assert!(String::from_utf8_lossy(&output.stderr).contains("interrupted"));
+    }
+    assert_eq!(sessions(&server).await, 0, "its sessions are deleted");
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn a_run_that_cannot_be_says_why() {
+    for (options, expected) in [
+        (&["--clients", "0"][..], "at least one session and one client"),
+        (&["--slow-clients", "200"], "200 slow clients are more than all 100"),
+        (&["--grid", "4x4", "--region", "4x4"], "at least 8x8 columns"),
+        (&["--region", "200x1"], "larger than the grid"),
+        (&["--tick-rate", "0"], "not within 0.1 to 1000 Hz"),
+        (&["--url", "https://127.0.0.1"], "does not begin with http://"),
+        (&["--url", "http://127.0.0.1:1"], "can't be reached"),
+        (&["--region", "8"], "expected columns along x and z"),
+    ] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_firn"));
+        let output = command.arg("load").args(options).output().await.expect("it runs");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && errors.contains(expected), "{options:?}: {errors}");
+    }
+}

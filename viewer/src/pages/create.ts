@@ -1,0 +1,105 @@
+// The dialog that creates a session.
+
+import type { CreatedSession, SessionSpec } from "firn-client";
+import { h, numberField } from "../dom.ts";
+import { explain, server } from "../server.ts";
+
+/** Opens it; a session that was created is shown at once. */
+export function createDialog(): void {
+  const name = h("input", {
+    type: "text",
+    name: "id",
+    pattern: "[A-Za-z0-9_\\-]{1,64}",
+    autocomplete: "off",
+    placeholder: "chosen by the server",
+  });
+  const [widthField, width] = numberField("Width", "columns", {
+    value: 50,
+    min: 1,
+    max: 2048,
+    step: 1,
+    required: true,
+  });
+  const [depthField, depth] = numberField("Depth", "columns", {
+    value: 50,
+    min: 1,
+    max: 2048,
+    step: 1,
+    required: true,
+  });
+  const [heightField, height] = numberField("Height", "cells", {
+    value: 50,
+    min: 1,
+    max: 255,
+    step: 1,
+    required: true,
+  });
+  const [cellField, cell] = numberField("Cell size", "m", { value: 0.2, min: 0.02, max: 2, required: true });
+  const [snowField, snow] = numberField("Snow", "m", { value: 5.8, min: 0, max: 1000, required: true });
+  const [airField, air] = numberField("Air", "°C", { value: -3, min: -40, max: 0, required: true });
+  const paused = h("input", { type: "checkbox" });
+  const problem = h("p", { class: "problem", role: "alert" });
+
+  const spec = (): SessionSpec => ({
+    ...(name.value ? { id: name.value } : {}),
+    grid: {
+      width: width.valueAsNumber,
+      depth: depth.valueAsNumber,
+      height: height.valueAsNumber,
+      cell_size: cell.valueAsNumber,
+    },
+    air_temperature: air.valueAsNumber,
+    paused: paused.checked,
+    initial_snow: snow.valueAsNumber > 0 ? [{ depth: snow.valueAsNumber }] : [],
+  });
+  const submit = async (event: SubmitEvent) => {
+    event.preventDefault();
+    problem.textContent = "";
+    try {
+      const created = await server().createSession(spec());
+      const { auth } = await server().readiness();
+      if (auth === "open") leave(created.id);
+      else showTokens(created);
+    } catch (error) {
+      problem.textContent = explain(error);
+    }
+  };
+  const leave = (id: string) => {
+    dialog.close();
+    location.hash = `#/sessions/${encodeURIComponent(id)}`;
+  };
+  const showTokens = (created: CreatedSession) => {
+    const row = (label: string, value: string) =>
+      h("label", { class: "token" }, h("span", {}, label), h("input", { readonly: true, value }));
+    dialog.replaceChildren(
+      h("h2", {}, created.id),
+      h("p", {}, "Its tokens are told only this once."),
+      row("May do everything", created.token),
+      row("May only look", created.viewer_token),
+      h(
+        "div",
+        { class: "buttons" },
+        h("button", { type: "button", class: "primary", click: () => leave(created.id) }, "Open it"),
+      ),
+    );
+  };
+
+  const form = h(
+    "form",
+    { submit },
+    h("h2", {}, "New session"),
+    h("label", { class: "field wide" }, h("span", {}, "Name"), name),
+    h("div", { class: "pairs" }, widthField, depthField, heightField, cellField, snowField, airField),
+    h("label", { class: "check" }, paused, "Begin paused"),
+    problem,
+    h(
+      "div",
+      { class: "buttons" },
+      h("button", { type: "button", click: () => dialog.close() }, "Cancel"),
+      h("button", { class: "primary" }, "Create"),
+    ),
+  );
+  const dialog = h("dialog", { class: "dialog", "aria-label": "New session", close: () => dialog.remove() }, form);
+  document.body.append(dialog);
+  dialog.showModal();
+}

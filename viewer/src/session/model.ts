@@ -1,0 +1,120 @@
+// What this page knows about the session: its stream's news and its totals.
+
+import type {
+  Change,
+  Collider,
+  ColliderSpec,
+  ColumnRegion,
+  Grid,
+  Session,
+  SessionView,
+  Stream,
+  StreamState,
+  Subscription,
+} from "firn-client";
+import { Value } from "./value.ts";
+
+/** At most so many samples along a side are watched of the whole grid. */
+const OVERVIEW = 256;
+/** Columns along a side of the part that is watched column by column, where the whole is watched coarsely. */
+const DETAIL = 128;
+/** How often totals are asked for [ms]. */
+const TOTALS = 1000;
+
+/** A session, live. */
+export class Model {
+  readonly session: Session;
+  readonly grid: Grid;
+  /** Elevation of the lowest ground [m]. Pictures begin there. */
+  readonly base: number;
+  /** Elevation of the ground above the lowest [m]; null where it is level. */
+  readonly ground: Float32Array | null;
+  /** Settings, clock and totals. */
+  readonly view: Value<SessionView>;
+  readonly state = new Value<StreamState>({ name: "connecting" });
+  readonly colliders = new Value<Collider[]>([]);
+  /** Heights of the whole grid; coarse where it is large. A new change for each message. */
+  readonly overview = new Value<Change | null>(null);
+  /** Heights of every column around the middle of the picture, where the overview is coarse. */
+  readonly detail = new Value<Change | null>(null);
+  private readonly stream: Stream;
+  private readonly near: Subscription | null = null;
+  private nearRegion: ColumnRegion;
+  private timer = 0;
+  private ended = false;
+
+  constructor(session: Session, view: SessionView) {
+    this.session = session;
+    this.grid = view.grid;
+    this.view = new Value(view);
+    const heights = view.terrain?.heights;
+    this.base = heights ? heights.reduce((low, height) => Math.min(low, height)) : 0;
+    this.ground = heights ? Float32Array.from(heights, (height) => height - this.base) : null;
+    this.stream = session.stream({
+      onState: (state) => this.state.set(state),
+      onEvent: () => this.refresh(),
+      onWelcome: () => this.refresh(),
+    });
+    const stride = overviewStride(view.grid);
+    this.stream.subscribe({ stride, colliders: true }, (change) => {
+      if (change.colliders) this.colliders.set(change.colliders);
+      this.overview.set(change);
+    });
+    this.nearRegion = around(view.grid, view.grid.width / 2, view.grid.depth / 2);
+    if (stride > 1) {
+      // Until all of a new region has come, the old one is shown.
+      const show = (change: Change) => change.field.complete && this.detail.set(change);
+      this.near = this.stream.subscribe({ region: this.nearRegion }, show);
+    }
+  }
+
+  /** Looks closely at the surroundings of a column. */
+  lookAt(column_x: number, column_z: number): void {
+    const { column_x: x, column_z: z, width, depth } = this.nearRegion;
+    const far = Math.max(Math.abs(column_x - x - width / 2), Math.abs(column_z - z - depth / 2));
+    const next = around(this.grid, column_x, column_z);
+    if (!this.near || far < DETAIL / 4 || (next.column_x === x && next.column_z === z)) return;
+    this.nearRegion = next;
+    this.near.update(next);
+  }
+
+  /** Asks for the totals, now and from then on. */
+  async refresh(): Promise<void> {
+    clearTimeout(this.timer);
+    if (this.ended) return;
+    const view = await this.session.get().catch(() => null);
+    if (view) this.view.set(view);
+    clearTimeout(this.timer);
+    if (!this.ended) this.timer = window.setTimeout(() => this.refresh(), document.hidden ? 10 * TOTALS : TOTALS);
+  }
+
+  /** Puts or moves an object by the stream, which is quicker than a request each. */
+  async put(collider: ColliderSpec): Promise<void> {
+    await this.stream.command("collider.put", { collider });
+  }
+
+  /** Tries to connect at once. */
+  reconnect(): void {
+    this.stream.retryNow();
+  }
+
+  close(): void {
+    this.ended = true;
+    clearTimeout(this.timer);
+    this.stream.close();
+  }
+}
+
+function overviewStride({ width, depth }: Grid): 1 | 2 | 4 | 8 {
+  const fits = ([1, 2, 4, 8] as const).find((stride) => Math.max(width, depth) / stride <= OVERVIEW);
+  return fits ?? 8;
+}
+
+/** The part of a grid that is watched closely, around a column; whole tiles. */
+function around(grid: Grid, column_x: number, column_z: number): ColumnRegion {
+  const first = (at: number, columns: number) =>
+    Math.round(Math.max(0, Math.min(at - DETAIL / 2, columns - DETAIL)) / 8) * 8;
+  const x = first(column_x, grid.width);
+  const z = first(column_z, grid.depth);
+  return { column_x: x, column_z: z, width: Math.min(DETAIL, grid.width - x), depth: Math.min(DETAIL, grid.depth - z) };
+}

@@ -1,0 +1,256 @@
+// The 3D picture of a session: what the model knows, shown as the look says.
+
+import type { HeightField } from "firn-client";
+import { BoxGeometry, Mesh, MeshBasicMaterial, Vector3 } from "three";
+import { Bodies } from "../scene/bodies.ts";
+import { Cubes, topValues } from "../scene/cubes.ts";
+import { meetBox, meetSurface, type Ray } from "../scene/ray.ts";
+import { groundAt } from "../scene/relief.ts";
+import { Stage } from "../scene/scene.ts";
+import { Surface } from "../scene/surface.ts";
+import { mapTexture, Tint } from "../scene/tint.ts";
+import type { Look } from "./look.ts";
+import type { Model } from "./model.ts";
+import type { Picture, Pictures } from "./picture.ts";
+
+/** Width of the drawer with the profile, as in session.css [px]. */
+const PROFILE_WIDTH = 416;
+
+/** What a ray meets first. */
+export interface Hit {
+  /** An object; null where it is the snow. */
+  body: string | null;
+  /** Where [m]. */
+  x: number;
+  y: number;
+  z: number;
+}
+
+/** The picture. */
+export class Viewport {
+  readonly stage: Stage;
+  private readonly model: Model;
+  private readonly look: Look;
+  private readonly pictures: Pictures;
+  private readonly bodies: Bodies;
+  private readonly tint: Tint;
+  private readonly surface: Surface;
+  private readonly nearby: Surface;
+  private readonly cubes: Cubes;
+  private readonly marker: Mesh;
+  /** What has to be brought up to date before the next frame. */
+  private readonly stale = { surface: false, nearby: false, cubes: false };
+  private framed = false;
+
+  constructor(canvas: HTMLCanvasElement, model: Model, look: Look, pictures: Pictures) {
+    this.model = model;
+    this.look = look;
+    this.pictures = pictures;
+    const { width, depth, cell_size: size } = model.grid;
+    const plinth = 0.02 * Math.max(width, depth) * size;
+    this.tint = new Tint(size);
+    this.surface = new Surface(this.tint, plinth);
+    this.nearby = new Surface(this.tint, plinth);
+    this.cubes = new Cubes(size);
+    this.bodies = new Bodies(model.base);
+    const marker = new MeshBasicMaterial({ color: 0xd9822b, transparent: true, opacity: 0.75 });
+    this.marker = new Mesh(new BoxGeometry(1, 1, 1), marker);
+    this.marker.visible = false;
+    this.stage = new Stage(canvas, {
+      advance: (milliseconds) => this.advance(milliseconds),
+      refine: (fine) => {
+        this.surface.refine(fine);
+        this.nearby.refine(fine);
+      },
+    });
+    const { solids } = this.cubes;
+    this.stage.scene.add(this.surface.group, this.nearby.group, solids.mesh, this.bodies.group, this.marker);
+    this.stage.controls.addEventListener("change", () => this.lookedAt());
+    this.watch();
+  }
+
+  /** What lies under a point of the window; `bodies` says whether bodies count. */
+  pick(clientX: number, clientY: number, bodies = true): Hit | null {
+    const ray = this.stage.rayAt(clientX, clientY);
+    const distance = this.meetSnow(ray) ?? Number.POSITIVE_INFINITY;
+    let hit: { distance: number; body: string | null } = { distance, body: null };
+    if (bodies && this.look.colliders.get()) {
+      for (const { collider, low, high } of this.bodies.boxesAround()) {
+        const at = meetBox(ray, low, high);
+        if (at !== null && at < hit.distance) hit = { distance: at, body: collider.id };
+      }
+    }
+    if (!Number.isFinite(hit.distance)) return null;
+    const [x, y, z] = [0, 1, 2].map((axis) => {
+      return (ray.origin[axis] as number) + hit.distance * (ray.direction[axis] as number);
+    }) as [number, number, number];
+    return { body: hit.body, x, y, z };
+  }
+
+  /** Where a ray through a point of the window meets the level y [m]. */
+  pickLevel(clientX: number, clientY: number, y: number): { x: number; z: number } | null {
+    const { origin, direction } = this.stage.rayAt(clientX, clientY);
+    const distance = (y - origin[1]) / direction[1];
+    if (!(distance > 0) || distance > 1e4) return null;
+    return { x: origin[0] + distance * direction[0], z: origin[2] + distance * direction[2] };
+  }
+
+  /** The place in the middle of the picture [m]. */
+  middle(): { x: number; z: number } {
+    const { x, z } = this.stage.controls.target;
+    const { width, depth, cell_size } = this.model.grid;
+    return { x: Math.min(Math.max(x, 0), width * cell_size), z: Math.min(Math.max(z, 0), depth * cell_size) };
+  }
+
+  close(): void {
+    this.stage.close();
+  }
+
+  private watch(): void {
+    const { model, look, pictures } = this;
+    model.overview.watch(() => this.mark("surface"));
+    model.detail.watch(() => this.mark("nearby"));
+    model.colliders.watch((colliders) => {
+      this.bodies.update(colliders);
+      this.stage.redraw();
+    });
+    look.colliders.watch((visible) => {
+      this.bodies.group.visible = visible;
+      this.mark("surface");
+      this.mark("nearby");
+    });
+    look.chosen.watch((id) => {
+      this.bodies.choose(id);
+      this.stage.redraw();
+    });
+    look.cut.watch(() => this.mark("cubes"));
+    look.shape.watch(() => this.mark("cubes"));
+    look.column.watch((column) => {
+      this.stage.keepLeftFree(column ? PROFILE_WIDTH : 0);
+      this.mark("surface");
+    });
+    pictures.picture.watch((picture) => {
+      this.recolour(picture);
+      this.mark("cubes");
+    });
+  }
+
+  private mark(part: keyof Viewport["stale"]): void {
+    this.stale[part] = true;
+    this.stage.redraw();
+  }
+
+  private advance(milliseconds: number): boolean {
+    const moving = this.bodies.advance(milliseconds);
+    const { stale, model } = this;
+    const ground = model.ground;
+    const blockers = this.look.colliders.get() ? this.bodies.blockers() : [];
+    const [overview, detail] = [model.overview.get()?.field, model.detail.get()?.field];
+    if (stale.surface && overview?.complete) {
+      this.surface.update(overview, ground, blockers);
+      if (!this.framed) this.frame(overview);
+      this.placeMarker(overview);
+      stale.surface = false;
+    }
+    if (stale.nearby && detail?.complete) {
+      this.nearby.update(detail, ground, blockers);
+      this.cutHole(detail);
+      stale.nearby = false;
+    }
+    if (stale.cubes) this.showCubes();
+    return moving;
+  }
+
+  private showCubes(): void {
+    this.stale.cubes = false;
+    const picture = this.pictures.picture.get();
+    const asCubes = this.look.shape.get() === "cells" && picture !== null;
+    if (asCubes) this.cubes.show(picture, this.look.cut.get());
+    this.cubes.solids.mesh.visible = asCubes;
+    this.surface.group.visible = !asCubes;
+    this.nearby.group.visible = !asCubes;
+  }
+
+  private recolour(picture: Picture | null): void {
+    if (!picture?.field) {
+      this.tint.clear();
+      return;
+    }
+    const { origin, width, depth } = picture.cells;
+    const values = topValues(picture);
+    const { column_x, column_z } = origin;
+    this.tint.show({ column_x, column_z, width, depth, values }, picture.range, mapTexture(picture.field));
+  }
+
+  /** The overview leaves out what is shown column by column. */
+  private cutHole({ region, grid }: HeightField): void {
+    const { column_x, column_z, width, depth } = region;
+    const size = grid.cell_size;
+    this.surface.hole.set(column_x, column_z, column_x + width, column_z + depth).multiplyScalar(size);
+  }
+
+  private frame(field: HeightField): void {
+    const { width, depth, cell_size } = this.model.grid;
+    const top = this.highest(field);
+    this.stage.frameBlock(new Vector3(width * cell_size, top, depth * cell_size));
+    this.framed = true;
+    performance.mark("first picture");
+  }
+
+  private highest(field: HeightField): number {
+    let top = this.model.grid.cell_size;
+    for (let z = 0; z < field.depth; z++) {
+      for (let x = 0; x < field.width; x++) {
+        top = Math.max(top, (field.heights[z * field.width + x] as number) + groundAt(field, this.model.ground, x, z));
+      }
+    }
+    return top;
+  }
+
+  /** Marks the column whose profile is open. */
+  private placeMarker(field: HeightField): void {
+    const column = this.look.column.get();
+    this.marker.visible = column !== null;
+    if (!column) return;
+    const size = field.grid.cell_size;
+    const [x, z] = [(column.column_x + 0.5) * size, (column.column_z + 0.5) * size];
+    const top = this.elevationIn(field, x, z);
+    this.marker.scale.set(size * 0.3, top + 4 * size, size * 0.3);
+    this.marker.position.set(x, this.marker.scale.y / 2, z);
+  }
+
+  private lookedAt(): void {
+    const size = this.model.grid.cell_size;
+    const { x, z } = this.middle();
+    this.model.lookAt(x / size, z / size);
+    this.pictures.lookAt(x / size, z / size);
+  }
+
+  private meetSnow(ray: Ray): number | null {
+    const field = this.model.overview.get()?.field;
+    if (!field?.complete) return null;
+    const { width, depth, cell_size: size } = this.model.grid;
+    const box = { low: [0, 0, 0], high: [width * size, this.highest(field) + size, depth * size] };
+    const detail = this.model.detail.get()?.field;
+    const heightAt = (x: number, z: number) => {
+      const near = detail?.complete && covers(detail, x, z) ? detail : field;
+      return this.elevationIn(near, x, z);
+    };
+    return meetSurface(ray, box, heightAt, size / 2);
+  }
+
+  private elevationIn(field: HeightField, x: number, z: number): number {
+    const size = field.grid.cell_size;
+    const sample = (at: number, first: number, samples: number) =>
+      Math.min(Math.max(Math.floor((at / size - first) / field.stride), 0), samples - 1);
+    const sampleX = sample(x, field.column_x, field.width);
+    const sampleZ = sample(z, field.column_z, field.depth);
+    const height = field.heights[sampleZ * field.width + sampleX] as number;
+    return height + groundAt(field, this.model.ground, sampleX, sampleZ);
+  }
+}
+
+function covers({ region, grid }: HeightField, x: number, z: number): boolean {
+  const [column, row] = [x / grid.cell_size - region.column_x, z / grid.cell_size - region.column_z];
+  return column >= 0 && row >= 0 && column < region.width && row < region.depth;
+}
