@@ -71,7 +71,15 @@ async fn survive(server: Server, fault: Fault) {
         tokio::time::sleep(Duration::from_millis(400)).await;
         server.sessions.sabotage(fault).await;
         let began = Instant::now();
-        let again = server.get(&format!("{still}/digest")).await.expect(200);
+        // Who asks while it is lost is told to ask again.
+        let again = loop {
+            let reply = server.get(&format!("{still}/digest")).await;
+            if reply.status == 200 {
+                break reply.json();
+            }
+            reply.problem(503);
+            assert!(began.elapsed() < PATIENCE, "not back after {PATIENCE:?}");
+        };
         assert_eq!(again["digest"], before["digest"]);
         assert!(began.elapsed() < PATIENCE, "back after {:?}", began.elapsed());
     }

@@ -32,6 +32,7 @@ fn fall(x: f64) -> Value {
 fn places(told: &Value) -> Vec<u64> {
     let tiles = told["tiles"].as_array().unwrap();
     let mut places: Vec<u64> = tiles.iter().map(|t| t["column_x"].as_u64().unwrap()).collect();
+    places.sort_unstable();
     places.dedup();
     places
 }

@@ -27,13 +27,16 @@ impl Engine {
         loop {
             let why = match catch_unwind(AssertUnwindSafe(|| self.run())) {
                 Ok(Ok(())) => break,
-                Ok(Err(failure)) => failure.to_string(),
-                Err(_) => "the engine panicked".to_owned(),
+                Ok(Err(failure)) => {
+                    error!("{failure}");
+                    "the device has failed and is opened anew"
+                }
+                Err(_) => "the engine has failed and is started anew",
             };
             failures.retain(|failure| failure.elapsed() < FAILURES_WITHIN);
             failures.push(Instant::now());
             error!("{why}");
-            if failures.len() > MOST_FAILURES || !self.open_anew(&why) {
+            if failures.len() > MOST_FAILURES || !self.open_anew(why) {
                 error!("giving up: only a restart helps");
                 self.vitals.healthy.store(false, Ordering::Relaxed);
                 self.stop = None;
