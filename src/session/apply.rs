@@ -13,6 +13,7 @@ use super::change::{
 };
 use super::error::{Check, SessionError};
 use super::journal::Event;
+use super::once::Once;
 use super::orders::{Answer, Reply, ReplyKind};
 use super::simulation::{Collider, Simulation};
 use super::view::{Applied, Settings};
@@ -25,6 +26,7 @@ impl Simulation {
     pub(super) fn change(
         &mut self,
         mut change: Change,
+        once: Option<Once>,
         most_colliders: usize,
         answer: Answer<Applied>,
     ) {
@@ -33,7 +35,7 @@ impl Simulation {
         match self.apply(&change, most_colliders) {
             Ok(kind) => {
                 self.log.record(tick, Event::Change(change));
-                self.next.replies.push(Reply::Change { kind, answer: Some(answer) });
+                self.next.replies.push(Reply::Change { kind, once, answer: Some(answer) });
             }
             // Nobody is left to be told where this fails.
             Err(error) => drop(answer.send(Err(error))),
@@ -43,7 +45,9 @@ impl Simulation {
     /// Takes a change into the next frame that was taken before.
     pub(super) fn repeat_change(&mut self, change: &Change) {
         match self.apply(change, usize::MAX) {
-            Ok(kind) => self.next.replies.push(Reply::Change { kind, answer: None }),
+            Ok(kind) => {
+                self.next.replies.push(Reply::Change { kind, once: None, answer: None });
+            }
             Err(error) => {
                 let session = &self.session.id;
                 warn!(session, "a change in the journal can't be repeated: {error}");

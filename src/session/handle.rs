@@ -19,6 +19,7 @@ use super::gather::Sampled;
 use super::journal::Identity;
 use super::message::{self, Message};
 use super::mirror::Mirror;
+use super::once::{Answered, Once};
 use super::registry::Sessions;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
@@ -108,6 +109,7 @@ pub struct Session {
     pub(super) world: mpsc::Sender<Message>,
     /// Frames so far, of all sessions.
     pub(super) frames: Arc<AtomicU64>,
+    answered: Arc<Answered>,
     companion: OnceLock<Arc<dyn Any + Send + Sync>>,
 }
 
@@ -159,6 +161,7 @@ impl Session {
             last_used: AtomicU64::new(sessions.frames.load(Ordering::Relaxed)),
             world: sessions.world.clone(),
             frames: sessions.frames.clone(),
+            answered: sessions.answered.clone(),
             companion: OnceLock::new(),
             spec,
         }
@@ -317,7 +320,23 @@ impl Session {
     /// # Errors
     /// Those of the change; it is applied whole or not at all.
     pub async fn change(&self, change: Change) -> Result<Applied, SessionError> {
-        self.ask(|reply| Message::Change { key: self.key, change, reply }).await
+        self.change_once(change, None).await
+    }
+
+    /// As [`Session::change`]; where the request was carried out before, its answer, and nothing
+    /// changes.
+    ///
+    /// # Errors
+    /// As [`Session::change`].
+    pub async fn change_once(
+        &self,
+        change: Change,
+        once: Option<Once>,
+    ) -> Result<Applied, SessionError> {
+        match self.answered.answer(once.as_ref()) {
+            Some(applied) => Ok(applied),
+            None => self.ask(|reply| Message::Change { key: self.key, change, once, reply }).await,
+        }
     }
 
     /// Steps a paused session as fast as the machine can. Dropping the future ends it early, at

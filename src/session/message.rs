@@ -11,6 +11,7 @@ use super::change::{Change, StepSpec};
 use super::error::SessionError;
 use super::gather::{Gathered, Sampled};
 use super::handle::Session;
+use super::once::{Done, Once};
 use super::orders::Answer;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
@@ -23,6 +24,7 @@ pub(super) enum Message {
     Create {
         session: Arc<Session>,
         saved: Option<Box<Snapshot>>,
+        done: Option<Arc<Done>>,
         reply: Answer<()>,
     },
     Delete {
@@ -32,6 +34,7 @@ pub(super) enum Message {
     Change {
         key: u64,
         change: Change,
+        once: Option<Once>,
         reply: Answer<Applied>,
     },
     Step {

@@ -10,6 +10,7 @@ use crate::engine::frame::{Edit, SampleBox};
 use super::clock::{Advance, Clock};
 use super::error::SessionError;
 use super::gather::{Gathered, Sampled};
+use super::once::Once;
 use super::snapshot::Snapshot;
 use super::view::{Applied, MassView};
 
@@ -54,7 +55,7 @@ pub(super) enum Reply {
     /// To a reset, and to a step that has ended.
     Done(Answer<()>),
     /// To a change; nobody waits where it is repeated.
-    Change { kind: ReplyKind, answer: Option<Answer<Applied>> },
+    Change { kind: ReplyKind, once: Option<Once>, answer: Option<Answer<Applied>> },
     /// To nobody: snow that fell by itself. Only the ledger wants to know what was refused.
     Snowfall { edit: usize },
 }

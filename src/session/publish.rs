@@ -10,6 +10,7 @@ use super::gather::{Gathered, Sampled};
 use super::handle::Event;
 use super::journal::Taken;
 use super::mirror::Mirror;
+use super::once::Done;
 use super::orders::{Orders, Reply, ReplyKind};
 use super::simulation::{Collider, Simulation};
 use super::view::{
@@ -155,10 +156,13 @@ impl Simulation {
                     self.log.acknowledge(Box::new(|durable| drop(answer.send(durable))));
                 }
                 Reply::Change { answer: None, .. } | Reply::Snowfall { .. } => {}
-                Reply::Change { kind, answer: Some(answer) } => {
+                Reply::Change { kind, once, answer: Some(answer) } => {
                     let set = matches!(kind, ReplyKind::AirTemperature | ReplyKind::Settings);
                     let applied = self.applied(kind, &outcome.edits, stamp);
                     self.tell_of(&applied, set, stamp);
+                    if let Some(once) = once {
+                        self.log.answered(Done::applied(&once, &applied));
+                    }
                     self.log.acknowledge(Box::new(|durable| {
                         drop(answer.send(durable.map(|()| applied)));
                     }));

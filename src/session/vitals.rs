@@ -2,10 +2,12 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use crate::engine::frame::DeviceInfo;
+
+use super::journal::StoreVitals;
 
 /// Frames that are remembered.
 const REMEMBERED: usize = 1024;
@@ -38,6 +40,9 @@ pub struct Vitals {
     pub(super) slipped_us: AtomicU64,
     pub(super) frame_times: Mutex<VecDeque<FrameTime>>,
     pub(super) overloaded: AtomicBool,
+    pub(super) hibernating: AtomicU64,
+    /// How the store is doing.
+    pub store: Arc<StoreVitals>,
 }
 
 impl Vitals {
@@ -55,6 +60,11 @@ impl Vitals {
     /// Whether all sessions that outlived the last stop are back.
     pub fn is_recovered(&self) -> bool {
         self.recovered.load(Ordering::Acquire)
+    }
+
+    /// Sessions that hibernate.
+    pub fn hibernating(&self) -> u64 {
+        self.hibernating.load(Ordering::Relaxed)
     }
 
     /// Bytes of device memory held for snowpacks.

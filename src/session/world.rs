@@ -29,6 +29,7 @@ use crate::engine::frame::{Backend, EngineError};
 use super::handle::Session;
 use super::journal::{self, Journal, SEQ_RESERVE, Stored};
 use super::message::Message;
+use super::once::Answered;
 use super::pace::Pace;
 use super::registry::{Names, Sessions};
 use super::spec::Limits;
@@ -109,18 +110,28 @@ impl World {
         let frames = Arc::new(AtomicU64::new(0));
         let vitals = Arc::new(Vitals::new(backend.device().clone(), backend.memory()));
         vitals.recovered.store(stored.is_empty(), Ordering::Relaxed);
+        vitals.store.lost(broken.len());
+        let answered = Arc::<Answered>::default();
         let sessions = Sessions::new(
             names.clone(),
             send.clone(),
             vitals.clone(),
             frames.clone(),
+            answered.clone(),
             config.limits,
         );
         sessions.keys.store(last_key.map_or(0, |key| key + 1), Ordering::Relaxed);
-        let (image, comebacks) = come_back(&sessions, stored);
+        let jump = u64::from(getrandom::u32().map_err(std::io::Error::other)?) % SEQ_RESERVE;
+        let (image, comebacks) = come_back(&sessions, stored, jump);
         // The runtime only waits: for a request or for the next beat, whatever comes first.
         let clock = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
-        let journal = Journal::start(durability.store, image, send.downgrade())?;
+        let journal = Journal::start(
+            durability.store,
+            image,
+            answered,
+            vitals.store.clone(),
+            send.downgrade(),
+        )?;
         let engine = Engine {
             backend,
             open,
@@ -169,10 +180,12 @@ impl World {
     }
 }
 
-/// Sessions that outlived the last stop, with mirrors that go on where they were.
+/// Sessions that outlived the last stop, with mirrors that go on where they were, but for their
+/// seqs: `jump` keeps those apart from the seqs of another server that began with the same file.
 fn come_back(
     sessions: &Sessions,
     stored: BTreeMap<u64, Stored>,
+    jump: u64,
 ) -> (HashMap<u64, Stored>, BTreeMap<u64, Revival>) {
     if !stored.is_empty() {
         info!("bringing back {} sessions", stored.len());
@@ -182,11 +195,8 @@ fn come_back(
     for (key, mut stored) in stored {
         let checkpoint = stored.checkpoint.clone();
         let published = stored.mark.seq.max(checkpoint.as_ref().map_or(1, |saved| saved.seq));
-        let mut seq = published;
-        if !stored.mark.exact {
-            seq += SEQ_RESERVE;
-            stored.mark.lose(published + 1, seq);
-        }
+        let seq = published + SEQ_RESERVE + jump;
+        stored.mark.lose(published + 1, seq);
         let identity = (*stored.identity).clone();
         let session = Session::identified(sessions, key, identity, stored.origin.clone());
         session.go_on_from(seq, checkpoint.as_ref().map(|saved| &saved.versions[..]));

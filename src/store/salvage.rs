@@ -13,10 +13,10 @@ pub fn scan(bytes: &[u8]) -> BTreeMap<Row, Content> {
     let mut at = 0;
     while let Some(next) = find(&bytes[at..]) {
         at += next;
-        if let Some((row, content)) = frame::open(&bytes[at..]) {
-            if rows.get(&row).is_none_or(|known| known.batch < content.batch) {
-                rows.insert(row, content);
-            }
+        if let Some((row, content)) = frame::open(&bytes[at..])
+            && rows.get(&row).is_none_or(|known| known.batch < content.batch)
+        {
+            rows.insert(row, content);
         }
         at += 1;
     }

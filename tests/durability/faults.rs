@@ -44,7 +44,7 @@ async fn a_power_cut_loses_nothing_acknowledged() {
     for _ in 0..4 {
         paths.push(server.create(small()).await);
     }
-    let mut known = vec![1.0; 4];
+    let mut known = [1.0; 4];
     for round in 0..12 {
         let over = Arc::new(AtomicBool::new(false));
         let counts: Vec<(Arc<AtomicU64>, Arc<AtomicU64>)> =

@@ -15,5 +15,6 @@ mod process;
 mod restart;
 mod resume;
 mod script;
+mod secrets;
 #[path = "../support/mod.rs"]
 mod support;

@@ -49,8 +49,6 @@ pub(crate) struct Mark {
     pub seq: u64,
     /// Entries written so far, those that a checkpoint has replaced included.
     pub next: u64,
-    /// Whether nothing was published after `seq`: the server stopped cleanly.
-    pub exact: bool,
     /// Seqs, first and last, whose states were lost.
     pub lost: Vec<(u64, u64)>,
 }

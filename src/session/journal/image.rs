@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use serde::de::DeserializeOwned;
 
+use crate::session::once::Done;
 use crate::store::{Content, Kind, Row, Write};
 
 use super::{Ack, Checkpoint, Entry, Identity, Mark};
@@ -20,6 +21,8 @@ pub(crate) struct Stored {
     /// What has happened since.
     pub entries: VecDeque<Arc<Entry>>,
     pub mark: Mark,
+    /// What came of requests that carry a key, the oldest first.
+    pub done: VecDeque<Arc<Done>>,
     /// Counts how often the session was brought back: what was submitted by an earlier life is void.
     pub generation: u64,
 }
@@ -48,6 +51,8 @@ pub(crate) enum Record {
     Entry(u64, Arc<Entry>),
     Mark(Mark),
     Checkpoint(Arc<Checkpoint>),
+    /// What came of a request that carries a key.
+    Done(Arc<Done>),
     Delete,
 }
 
@@ -108,6 +113,9 @@ impl Submission {
                     writes.push(Write::Put(row(Kind::Checkpoint, 0), checkpoint.encode()));
                     writes.push(Write::RemoveEntries { session, before });
                 }
+                Record::Done(done) => {
+                    writes.push(Write::Put(row(Kind::Answer, done.number()), json(&**done)));
+                }
                 Record::Delete => writes.push(Write::RemoveSession(session)),
             }
         }
@@ -123,6 +131,7 @@ impl Submission {
                     checkpoint: None,
                     entries: VecDeque::new(),
                     mark: Mark::default(),
+                    done: VecDeque::new(),
                     generation: self.generation,
                 };
                 image.insert(self.key, stored);
@@ -146,6 +155,7 @@ impl Stored {
                 self.entries.drain(..covered.min(self.entries.len()));
                 self.checkpoint = Some(checkpoint.clone());
             }
+            Record::Done(done) => self.done.push_back(done.clone()),
             Record::Create(..) | Record::Delete => {}
         }
     }
@@ -158,6 +168,7 @@ impl Stored {
             Record::Mark(self.mark.clone()),
         ];
         records.extend(self.checkpoint.clone().map(Record::Checkpoint));
+        records.extend(self.done.iter().cloned().map(Record::Done));
         let entries = (self.base()..).zip(&self.entries);
         records.extend(entries.map(|(number, entry)| Record::Entry(number, entry.clone())));
         Submission { key, generation: self.generation, records, acks: Vec::new() }
@@ -190,7 +201,9 @@ pub(crate) fn assemble(rows: BTreeMap<Row, Content>) -> (BTreeMap<u64, Stored>, 
 }
 
 fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
-    let one = |kind| rows.iter().find(|(row, _)| row.kind == kind).map(|(_, content)| content);
+    let all =
+        |kind| rows.iter().filter(move |(row, _)| row.kind == kind).map(|(_, content)| content);
+    let one = |kind| all(kind).next();
     let identity: Identity = one(Kind::Identity)
         .and_then(|content| parse(&content.bytes))
         .ok_or("a session without a name")?;
@@ -222,12 +235,17 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
     if base + (entries.len() as u64) < mark.next {
         return Err(missing("the last changes are missing from its journal"));
     }
+    let done = all(Kind::Answer).filter_map(|content| parse::<Done>(&content.bytes));
+    let mut done: Vec<Arc<Done>> = done.map(Arc::new).collect();
+    done.sort_by_key(|done| done.at);
+    let done = VecDeque::from(done);
     Ok(Stored {
         identity: Arc::new(identity),
         origin: one(Kind::Origin).map(|content| content.bytes.clone().into()),
         checkpoint: checkpoint.map(Arc::new),
         entries,
         mark,
+        done,
         generation: 0,
     })
 }

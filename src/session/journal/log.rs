@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crate::session::once::Done;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 
@@ -23,8 +24,10 @@ pub(crate) struct Log {
     tick: u64,
     events: Vec<Event>,
     acks: Vec<Ack>,
+    /// What came of requests that carry a key.
+    answered: Vec<Arc<Done>>,
     /// The session is still to be written.
-    create: Option<(Arc<Identity>, Option<Arc<[u8]>>)>,
+    create: Option<Record>,
     /// Snapshot taken for a checkpoint.
     pub taken: Option<Box<Taken>>,
     /// As last submitted.
@@ -42,8 +45,17 @@ pub(crate) struct Taken {
 
 impl Log {
     /// Of a session that is being created.
-    pub fn created(identity: Arc<Identity>, origin: Option<Arc<[u8]>>) -> Log {
-        Log { create: Some((identity, origin)), outdated: Some(Instant::now()), ..Log::default() }
+    pub fn created(
+        identity: Arc<Identity>,
+        origin: Option<Arc<[u8]>>,
+        done: Option<Arc<Done>>,
+    ) -> Log {
+        Log {
+            create: Some(Record::Create(identity, origin)),
+            answered: done.into_iter().collect(),
+            outdated: Some(Instant::now()),
+            ..Log::default()
+        }
     }
 
     /// Of a session that is brought back.
@@ -70,6 +82,11 @@ impl Log {
             self.tick = tick;
         }
         self.events.push(event);
+    }
+
+    /// Notes what came of a request that carries a key, with the change that it made.
+    pub fn answered(&mut self, done: Done) {
+        self.answered.push(Arc::new(done));
     }
 
     /// Puts an answer off until everything so far is durable.
@@ -121,30 +138,31 @@ impl Log {
             return None;
         }
         let mut records = Vec::with_capacity(3);
-        records.extend(self.create.take().map(|(who, origin)| Record::Create(who, origin)));
+        records.extend(self.create.take());
         if !self.events.is_empty() {
             let events = std::mem::take(&mut self.events);
             let entry = Entry { tick: self.tick, ran, events };
             records.push(Record::Entry(self.next, Arc::new(entry)));
             self.next += 1;
         }
-        records.push(Record::Mark(self.mark_at(tick, seq(), false)));
+        records.push(Record::Mark(self.mark_at(tick, seq())));
+        records.extend(self.answered.drain(..).map(Record::Done));
         let acks = std::mem::take(&mut self.acks);
         Some(Submission { key, generation: self.generation, records, acks })
     }
 
     /// A mark, where the session has come further than the last one says.
-    pub fn take_mark(&mut self, key: u64, tick: u64, seq: u64, exact: bool) -> Option<Submission> {
-        let known = (self.mark.tick, self.mark.seq, self.mark.exact) == (tick, seq, exact);
+    pub fn take_mark(&mut self, key: u64, tick: u64, seq: u64) -> Option<Submission> {
+        let known = (self.mark.tick, self.mark.seq) == (tick, seq);
         if known || self.create.is_some() {
             return None;
         }
-        let records = vec![Record::Mark(self.mark_at(tick, seq, exact))];
+        let records = vec![Record::Mark(self.mark_at(tick, seq))];
         Some(Submission { key, generation: self.generation, records, acks: Vec::new() })
     }
 
-    fn mark_at(&mut self, tick: u64, seq: u64, exact: bool) -> Mark {
-        self.mark = Mark { tick, seq, next: self.next, exact, ..std::mem::take(&mut self.mark) };
+    fn mark_at(&mut self, tick: u64, seq: u64) -> Mark {
+        self.mark = Mark { tick, seq, next: self.next, ..std::mem::take(&mut self.mark) };
         self.mark.clone()
     }
 

@@ -9,12 +9,14 @@
 mod entry;
 mod image;
 mod log;
+mod meter;
 mod replay;
 mod writer;
 
 pub(super) use entry::{Checkpoint, Entry, Event, Identity, Mark};
 pub(super) use image::{Record, Stored, Submission, assemble};
 pub(super) use log::{Left, Log, Taken};
+pub use meter::StoreVitals;
 pub(super) use replay::Replay;
 pub(super) use writer::{Feedback, Journal};
 
@@ -24,5 +26,6 @@ use super::error::SessionError;
 pub(super) type Ack = Box<dyn FnOnce(Result<(), SessionError>) + Send>;
 
 /// Seqs that may be published beyond the last durable one: more than anybody publishes before the
-/// next is durable. After an unclean stop numbering goes on above them.
+/// next is durable, or before a file is put back that was copied. At a start numbering goes on
+/// above them.
 pub(super) const SEQ_RESERVE: u64 = 1 << 30;

@@ -5,7 +5,7 @@
 //! back to what the image holds, which is what is durable. Until the store has been written to
 //! again, changes are refused and everything else goes on.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -17,10 +17,11 @@ use tracing::{error, info, warn};
 
 use crate::session::error::SessionError;
 use crate::session::message::Message;
-use crate::store::{Store, StoreError, Write};
+use crate::session::once::{Answered, Done};
+use crate::store::{Kind, Row, Store, StoreError, Write};
 
 use super::image::{Image, Stored, Submission};
-use super::{Ack, Checkpoint, Mark, Record, Taken};
+use super::{Ack, Checkpoint, Mark, Record, StoreVitals, Taken};
 
 /// Time between two attempts to write to a store that failed.
 const RETRY: Duration = Duration::from_millis(250);
@@ -63,6 +64,8 @@ struct Shared {
     /// Why the store can't be written to.
     failure: Mutex<Option<StoreError>>,
     backlog: AtomicUsize,
+    answered: Arc<Answered>,
+    vitals: Arc<StoreVitals>,
 }
 
 /// The world's end of the journal.
@@ -86,10 +89,20 @@ impl Journal {
     pub fn start(
         store: Box<dyn Store>,
         image: Image,
+        answered: Arc<Answered>,
+        vitals: Arc<StoreVitals>,
         nudge: WeakSender<Message>,
     ) -> std::io::Result<Journal> {
         let durable = store.is_durable();
+        let mut ages: Vec<(u64, Arc<Done>)> = Vec::new();
+        for (&key, stored) in &image {
+            ages.extend(stored.done.iter().map(|done| (key, done.clone())));
+        }
+        ages.sort_by_key(|(_, done)| done.at);
+        ages.iter().for_each(|(_, done)| answered.note(done.clone()));
         let shared = Arc::new(Shared {
+            answered,
+            vitals,
             image: Mutex::new(image),
             failure: Mutex::new(None),
             backlog: AtomicUsize::new(0),
@@ -108,6 +121,7 @@ impl Journal {
             last_commit: Instant::now(),
             spoiled: BTreeSet::new(),
             late: HashMap::new(),
+            ages: ages.into(),
             next_attempt: Instant::now(),
         };
         let encoded = tasks.clone();
@@ -194,15 +208,6 @@ impl Journal {
         lock(&self.shared.image).get(&key).map_or(0, |stored| stored.generation)
     }
 
-    /// The last mark of a session that hibernates.
-    pub fn exact_mark(&self, key: u64, seq: u64) -> Option<Submission> {
-        let image = lock(&self.shared.image);
-        let stored = image.get(&key)?;
-        let mark = Mark { seq, exact: true, ..stored.mark.clone() };
-        let records = vec![Record::Mark(mark)];
-        Some(Submission { key, generation: stored.generation, records, acks: Vec::new() })
-    }
-
     /// Why changes can't be taken now, if they can't.
     pub fn refusal(&self) -> Option<SessionError> {
         if let Some(failure) = &*lock(&self.shared.failure) {
@@ -265,6 +270,8 @@ struct Writer {
     spoiled: BTreeSet<u64>,
     /// Marks that could not be written.
     late: HashMap<u64, (u64, Mark)>,
+    /// Sessions and requests that carried a key, by age, the oldest first.
+    ages: VecDeque<(u64, Arc<Done>)>,
     next_attempt: Instant,
 }
 
@@ -364,26 +371,63 @@ impl Writer {
 
     fn write(&mut self, batch: &[Submission]) -> Result<(), StoreError> {
         self.last_commit = Instant::now();
+        let mut writes = self.forget();
         if !self.durable {
             return Ok(());
         }
-        let mut writes = Vec::new();
         batch.iter().for_each(|submission| submission.writes(&mut writes));
-        if writes.is_empty() { Ok(()) } else { self.store.commit(&writes) }
+        if writes.is_empty() {
+            return Ok(());
+        }
+        let began = Instant::now();
+        self.store.commit(&writes)?;
+        self.shared.vitals.committed(began.elapsed());
+        Ok(())
+    }
+
+    /// Forgets requests that are too old to be sent again.
+    fn forget(&mut self) -> Vec<Write> {
+        let mut writes = Vec::new();
+        let mut image = lock(&self.shared.image);
+        while let Some((session, done)) = self.ages.pop_front_if(|(_, done)| done.is_old()) {
+            self.shared.answered.forget(&done.key);
+            if let Some(stored) = image.get_mut(&session) {
+                stored.done.pop_front_if(|kept| kept.key == done.key);
+            }
+            let row = Row { session, kind: Kind::Answer, number: done.number() };
+            writes.push(Write::Remove(row));
+        }
+        writes
     }
 
     /// Enters what is durable into the image, and answers whoever waited.
     fn conclude(&mut self, batch: Vec<Submission>) {
         {
             let mut image = lock(&self.shared.image);
-            batch.iter().for_each(|submission| submission.apply(&mut image));
+            for submission in &batch {
+                if submission.deletes() {
+                    let deleted = image.get(&submission.key).map(|stored| &stored.done);
+                    let done = deleted.into_iter().flatten();
+                    done.for_each(|done| self.shared.answered.forget(&done.key));
+                }
+                submission.apply(&mut image);
+            }
+        }
+        for submission in &batch {
+            for record in &submission.records {
+                if let Record::Done(done) = record {
+                    self.shared.answered.note(done.clone());
+                    self.ages.push_back((submission.key, done.clone()));
+                }
+            }
         }
         for submission in batch {
             if submission.deletes() {
                 self.tell(Feedback::Deleted { key: submission.key, result: Ok(()) });
             }
             for record in &submission.records {
-                if let Record::Checkpoint(_) = record {
+                if let Record::Checkpoint(checkpoint) = record {
+                    self.shared.vitals.checkpointed(checkpoint.snapshot.len());
                     let (key, generation) = (submission.key, submission.generation);
                     self.tell(Feedback::Checkpoint { key, generation, stored: true });
                 }
@@ -399,6 +443,7 @@ impl Writer {
     fn reject(&mut self, batch: Vec<Submission>, failure: &StoreError) {
         let newly = lock(&self.shared.failure).replace(failure.clone()).is_none();
         if newly {
+            self.shared.vitals.set_healthy(false);
             error!("the store can't be written to: {failure}; changes are refused until it can");
             self.next_attempt = Instant::now() + RETRY;
         }
@@ -460,6 +505,7 @@ impl Writer {
             self.spoiled.clear();
             self.late.clear();
             *lock(&self.shared.failure) = None;
+            self.shared.vitals.set_healthy(true);
         }
     }
 

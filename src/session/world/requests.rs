@@ -10,6 +10,7 @@ use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::{Ack, Identity, Log, Record, Submission};
 use crate::session::message::Message;
+use crate::session::once::Done;
 use crate::session::orders::{Answer, Reply, refuse};
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
@@ -28,7 +29,9 @@ impl Engine {
     /// Those of the backend, where a session is woken.
     pub(super) fn take_message(&mut self, message: Message) -> Result<bool, EngineError> {
         match message {
-            Message::Create { session, saved, reply } => self.create(session, saved, reply),
+            Message::Create { session, saved, done, reply } => {
+                self.create(session, saved, done, reply);
+            }
             Message::Delete { key, reply } => {
                 if self.simulations.contains_key(&key) || self.hibernating.contains_key(&key) {
                     self.delete(key, Some(reply));
@@ -36,9 +39,9 @@ impl Engine {
                     refuse(reply, &gone());
                 }
             }
-            Message::Change { key, change, reply } => {
+            Message::Change { key, change, once, reply } => {
                 let most = self.config.limits.colliders_per_session;
-                self.alter(key, reply, |sim, reply| sim.change(change, most, reply))?;
+                self.alter(key, reply, |sim, reply| sim.change(change, once, most, reply))?;
             }
             Message::Step { key, step, reply } => {
                 self.alter(key, reply, |sim, reply| sim.begin_step(&step, reply))?;
@@ -82,7 +85,13 @@ impl Engine {
         Ok(true)
     }
 
-    fn create(&mut self, session: Arc<Session>, saved: Option<Box<Snapshot>>, reply: Answer<()>) {
+    fn create(
+        &mut self,
+        session: Arc<Session>,
+        saved: Option<Box<Snapshot>>,
+        done: Option<Arc<Done>>,
+        reply: Answer<()>,
+    ) {
         if let Some(why) = self.journal.refusal() {
             refuse(reply, &why);
             return;
@@ -100,7 +109,7 @@ impl Engine {
             return;
         }
         let key = session.key;
-        let log = Log::created(Arc::new(session.identity()), session.origin.clone());
+        let log = Log::created(Arc::new(session.identity()), session.origin.clone(), done);
         self.simulations.insert(key, Simulation::new(session, slot, self.frame, log));
         self.rounds.insert(key);
         self.guard(key, |simulation| {

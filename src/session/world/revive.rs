@@ -76,9 +76,12 @@ impl Engine {
             }
         }
         if !self.vitals.recovered.load(Ordering::Relaxed) {
-            self.mark_all(false);
+            self.mark_all();
             self.journal.flush();
+            self.vitals.store.recovered(began.elapsed());
             self.vitals.recovered.store(true, Ordering::Release);
+            // That was no lag: nobody's time passed.
+            self.next_beat = Instant::now();
         }
         Ok(())
     }
@@ -159,6 +162,7 @@ impl Engine {
                 session.hibernating.store(true, Ordering::Relaxed);
                 reads.refuse(&SessionError::OutOfMemory(why));
                 self.hibernating.insert(key, session);
+                self.count_hibernating();
                 return Ok(false);
             }
             Err(failure) => return Err(failure),

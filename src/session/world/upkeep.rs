@@ -66,7 +66,7 @@ impl Engine {
         simulation.catch_up(frame);
         if durable && !simulation.frozen {
             let (tick, seq) = (simulation.clock.tick(), simulation.session.mirror().seq);
-            if let Some(mark) = simulation.log.take_mark(key, tick, seq, false) {
+            if let Some(mark) = simulation.log.take_mark(key, tick, seq) {
                 self.journal.add(mark);
             }
         }
@@ -176,6 +176,7 @@ impl Engine {
         session.hibernating.store(true, Ordering::Relaxed);
         debug!(session = session.id, "hibernates");
         self.hibernating.insert(key, session);
+        self.count_hibernating();
         self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
     }
 
@@ -192,6 +193,7 @@ impl Engine {
             self.review(key);
         }
         let Some(session) = self.hibernating.remove(&key) else { return Ok(()) };
+        self.count_hibernating();
         let Some(stored) = self.journal.new_life(key) else {
             self.forget(key, &session);
             return Ok(());
@@ -221,6 +223,7 @@ impl Engine {
         let waiting = self.leaving.remove(&key).unwrap_or_default();
         if result.is_ok() {
             if let Some(session) = self.hibernating.remove(&key) {
+                self.count_hibernating();
                 self.forget(key, &session);
             } else if let Some(simulation) = self.simulations.get(&key) {
                 let id = simulation.session.id.clone();
@@ -233,6 +236,10 @@ impl Engine {
         }
     }
 
+    pub(super) fn count_hibernating(&self) {
+        self.vitals.hibernating.store(self.hibernating.len() as u64, Ordering::Relaxed);
+    }
+
     /// Notes that a session is no more.
     pub(super) fn forget(&mut self, key: u64, session: &Session) {
         self.rounds.remove(key);
@@ -240,13 +247,13 @@ impl Engine {
         session.gone.cancel();
     }
 
-    /// Marks how far all sessions have come; `exact` where nothing more is published.
-    pub(super) fn mark_all(&mut self, exact: bool) {
+    /// Marks how far all sessions have come.
+    pub(super) fn mark_all(&mut self) {
         let frame = self.frame;
         for (key, simulation) in self.simulations.iter_mut() {
             simulation.catch_up(frame);
             let (tick, seq) = (simulation.clock.tick(), simulation.session.mirror().seq);
-            if let Some(mark) = simulation.log.take_mark(key, tick, seq, exact) {
+            if let Some(mark) = simulation.log.take_mark(key, tick, seq) {
                 self.journal.add(mark);
             }
         }
@@ -296,13 +303,7 @@ impl Engine {
                 None => {}
             }
         }
-        self.mark_all(true);
-        for (key, session) in std::mem::take(&mut self.hibernating) {
-            if let Some(mark) = self.journal.exact_mark(key, session.mirror().seq) {
-                self.journal.add(mark);
-            }
-        }
-        self.journal.send();
+        self.mark_all();
         info!("{} of {count} last checkpoints after {:.1?}", count - left.len(), began.elapsed());
     }
 }
