@@ -8,7 +8,7 @@ ARGS ?=
 export NODEVICE_SELECT := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help serve test fuzz-api deny viewer test-viewer test-python test-unity driver build fmt lint lint-api openapi \
+.PHONY: help serve test test-long fuzz-api deny viewer test-viewer test-python test-unity driver build fmt lint lint-api openapi \
 	configuration clean
 
 help: ## list these commands
@@ -50,6 +50,9 @@ ifeq ($(FIRN_SKIP_VIEWER_TESTS),1)
 else
 	@$(MAKE) --no-print-directory test-viewer
 endif
+
+test-long: ## what takes too long for every day: 200 kills under load instead of 20
+	FIRN_KILL_ROUNDS=200 $(CARGO) test --locked --test durability kill -- --nocapture
 
 fuzz-api: ## send a server what its OpenAPI document allows and what it doesn't, for two minutes
 	scripts/fuzz-api 120

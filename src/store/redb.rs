@@ -9,7 +9,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use redb::{
     Builder, Database, DatabaseError, Durability, ReadableDatabase, ReadableTable, StorageError,
-    TableDefinition,
+    Table, TableDefinition,
 };
 use tracing::{info, warn};
 
@@ -23,6 +23,11 @@ const FILE: &str = "firn.redb";
 const CACHE: usize = 64 << 20;
 
 const ROWS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("rows");
+
+/// A second copy of every mark, on other pages. Older versions of a row lie about in the file; if
+/// the newest mark were damaged and an older one found, nothing would tell that it is not the
+/// newest.
+const MARKS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("marks");
 
 /// Opens the database; `true` asks for a check of everything in it.
 pub type Open = Box<dyn Fn(bool) -> Result<Database, DatabaseError> + Send>;
@@ -46,13 +51,17 @@ impl RedbStore {
     /// Where the directory can't be used or another server uses it.
     pub fn in_directory(directory: &Path) -> Result<RedbStore, StoreError> {
         let place = || directory.display();
-        fs::create_dir_all(directory)
-            .map_err(|error| StoreError(format!("the data directory {}: {error}", place())))?;
+        let unusable =
+            |error: io::Error| StoreError(format!("the data directory {}: {error}", place()));
+        make(directory).map_err(unusable)?;
         let path = directory.join(FILE);
         let file = path.clone();
         let open: Open = Box::new(move |check| builder(check).create(&file));
         let damage = match attempt(|| open(true)) {
-            Ok(database) => return Ok(RedbStore::holding(open, database)),
+            Ok(database) => {
+                sync(directory).map_err(unusable)?;
+                return Ok(RedbStore::holding(open, database));
+            }
             Err(Failure::Damage(why)) => why,
             Err(Failure::Other(why)) => {
                 return Err(StoreError(format!("the data directory {}: {why}", place())));
@@ -90,6 +99,7 @@ impl RedbStore {
         let writes: Vec<Write> =
             rows.iter().map(|(row, content)| Write::Put(*row, content.bytes.clone())).collect();
         store.commit(&writes).map_err(io::Error::other)?;
+        path.parent().map_or(Ok(()), sync)?;
         let damage = format!("{damage}; it is kept as {}", aside.display());
         store.loaded = Some(Loaded { rows, damage: Some(damage) });
         Ok(store)
@@ -102,30 +112,18 @@ impl RedbStore {
         };
         let mut transaction = database.begin_write()?;
         transaction.set_durability(Durability::Immediate)?;
+        // With one phase a damaged commit is taken for one that a crash cut off, and left out.
+        transaction.set_two_phase_commit(true);
         {
             let mut rows = transaction.open_table(ROWS)?;
+            let mut marks = transaction.open_table(MARKS)?;
             for write in writes {
+                carry_out(write, self.batch, &mut rows)?;
                 match write {
-                    Write::Put(row, content) => {
-                        let sealed = frame::seal(row, self.batch, content);
-                        rows.insert(&row.name()[..], &sealed[..])?;
+                    Write::Put(Row { kind: Kind::Mark, .. }, _) | Write::RemoveSession(_) => {
+                        carry_out(write, self.batch, &mut marks)?;
                     }
-                    Write::Remove(row) => {
-                        rows.remove(&row.name()[..])?;
-                    }
-                    Write::RemoveEntries { session, before } => {
-                        let entry =
-                            |number| Row { session: *session, kind: Kind::Entry, number }.name();
-                        let (from, to) = (entry(0), entry(*before));
-                        rows.retain_in(&from[..]..&to[..], |_, _| false)?;
-                    }
-                    Write::RemoveSession(session) => {
-                        let mut range = [[0; NAME], [0xff; NAME]];
-                        for end in &mut range {
-                            end[..8].copy_from_slice(&session.to_be_bytes());
-                        }
-                        rows.retain_in(&range[0][..]..=&range[1][..], |_, _| false)?;
-                    }
+                    _ => {}
                 }
             }
         }
@@ -175,13 +173,12 @@ impl Store for RedbStore {
             Ok(written) => written.map_err(failed),
             Err(_) => Err(StoreError("writing to the store panicked".to_owned())),
         };
-        match &written {
-            Ok(()) => self.batch += 1,
-            Err(_) => {
-                let database = self.database.take();
-                // Closing it may fail as writing did.
-                let _ = catch_unwind(AssertUnwindSafe(|| drop(database)));
-            }
+        // Parts of a batch that failed may be found in the file: no other has its number.
+        self.batch += 1;
+        if written.is_err() {
+            let database = self.database.take();
+            // Closing it may fail as writing did.
+            let _ = catch_unwind(AssertUnwindSafe(|| drop(database)));
         }
         written
     }
@@ -191,6 +188,54 @@ impl fmt::Debug for RedbStore {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("RedbStore").field("batch", &self.batch).finish_non_exhaustive()
     }
+}
+
+fn carry_out(
+    write: &Write,
+    batch: u64,
+    rows: &mut Table<&[u8], &[u8]>,
+) -> Result<(), StorageError> {
+    match write {
+        Write::Put(row, content) => {
+            rows.insert(&row.name()[..], &frame::seal(row, batch, content)[..])?;
+        }
+        Write::Remove(row) => {
+            rows.remove(&row.name()[..])?;
+        }
+        Write::RemoveEntries { session, before } => {
+            let entry = |number| Row { session: *session, kind: Kind::Entry, number }.name();
+            let (from, to) = (entry(0), entry(*before));
+            rows.retain_in(&from[..]..&to[..], |_, _| false)?;
+        }
+        Write::RemoveSession(session) => {
+            let mut range = [[0; NAME], [0xff; NAME]];
+            for end in &mut range {
+                end[..8].copy_from_slice(&session.to_be_bytes());
+            }
+            rows.retain_in(&range[0][..]..=&range[1][..], |_, _| false)?;
+        }
+    }
+    Ok(())
+}
+
+/// Makes a directory for the server's user alone, where it is not there.
+fn make(directory: &Path) -> io::Result<()> {
+    let mut builder = fs::DirBuilder::new();
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    builder.recursive(true).create(directory)
+}
+
+/// Sees to it that names of new files outlive a power cut.
+#[cfg(unix)]
+fn sync(directory: &Path) -> io::Result<()> {
+    fs::File::open(directory)?.sync_all()
+}
+
+/// Other systems do so by themselves.
+#[cfg(not(unix))]
+fn sync(_: &Path) -> io::Result<()> {
+    Ok(())
 }
 
 fn builder(check: bool) -> Builder {

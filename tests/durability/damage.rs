@@ -24,51 +24,53 @@ async fn start(data: &Path) -> Server {
     Server::start_stored(BackendChoice::Cpu, Options::default(), durability).await
 }
 
-/// Sessions with a history, some of them with a checkpoint; returns their digests.
-async fn prepare(data: &Path) -> Vec<Value> {
+/// Sessions with a history, some of them with a checkpoint; returns the digests of all states that
+/// each has been in, the last one last.
+async fn prepare(data: &Path) -> Vec<Vec<Value>> {
     let mut server = start(data).await;
-    let mut digests = Vec::new();
-    for i in 0..SESSIONS {
+    let mut digests = vec![Vec::new(); SESSIONS];
+    for (i, digests) in digests.iter_mut().enumerate() {
         let path = server.create(session(&format!("s{i}"))).await;
         for (method, at, body) in history(i as u64, 12) {
             let (at, body) = (format!("{path}{at}"), body.to_string().into_bytes());
             let headers = [("content-type", "application/json")];
             assert!(server.send(method, &at, &headers, body).await.status < 300);
+            let digest = server.get(&format!("{path}/digest")).await.expect(200);
+            digests.push(digest["digest"].clone());
         }
         if i == SESSIONS / 2 {
             server.stop().await;
             server = start(data).await;
         }
     }
-    for i in 0..SESSIONS {
-        let digest = server.get(&format!("/v1/sessions/s{i}/digest")).await.expect(200);
-        digests.push(digest["digest"].clone());
-    }
     fs::copy(data.join(FILE), data.join("crashed")).unwrap();
     server.stop().await;
     digests
 }
 
-/// Starts a server on a damaged file; returns how many sessions came back, each as it was.
-async fn back(bytes: &[u8], digests: &[Value]) -> usize {
+/// Starts a server on a damaged file; returns how many sessions came back as they were, and how
+/// many in an earlier state. None is torn.
+async fn back(bytes: &[u8], digests: &[Vec<Value>]) -> (usize, usize) {
     let data = tempfile::tempdir().unwrap();
     fs::write(data.path().join(FILE), bytes).unwrap();
     let server = start(data.path()).await;
-    let mut count = 0;
+    let (mut count, mut earlier) = (0, 0);
     for (i, digest) in digests.iter().enumerate() {
         let reply = server.get(&format!("/v1/sessions/s{i}/digest")).await;
-        if reply.status == 200 {
-            assert_eq!(reply.json()["digest"], *digest, "s{i} is whole or not there");
+        if reply.status != 200 {
+            reply.problem(404);
+        } else if reply.json()["digest"] == *digest.last().unwrap() {
             count += 1;
         } else {
-            reply.problem(404);
+            assert!(digest.contains(&reply.json()["digest"]), "s{i} is in no state it was in");
+            earlier += 1;
         }
     }
     // Whatever happened, it goes on from here.
     let path = server.create(json!({"paused": true})).await;
     server.post(&format!("{path}/snowfalls"), json!({"depth": 1})).await.expect(200);
     server.stop().await;
-    count
+    (count, earlier)
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -79,13 +81,14 @@ async fn flipped_bits_cost_no_more_than_the_sessions_they_hit() {
     let mut hit = 0;
     for file in [FILE, "crashed"] {
         let good = fs::read(data.path().join(file)).unwrap();
-        assert_eq!(back(&good, &digests).await, SESSIONS);
+        assert_eq!(back(&good, &digests).await, (SESSIONS, 0));
         // Where something is written; most of the file is not.
         let used: Vec<usize> = (0..good.len()).filter(|&at| good[at] != 0).collect();
         for _ in 0..25 {
             let mut bad = good.clone();
             bad[used[dice.random_range(0..used.len())]] ^= 1 << dice.random_range(0..8);
-            let there = back(&bad, &digests).await;
+            let (there, earlier) = back(&bad, &digests).await;
+            assert_eq!(earlier, 0, "a session is whole or not there");
             assert!(there + 1 >= SESSIONS, "{there} of {SESSIONS} sessions after one flipped bit");
             hit += usize::from(there < SESSIONS);
         }
@@ -100,8 +103,8 @@ async fn a_file_cut_short_gives_back_what_is_whole_in_it() {
     let good = fs::read(data.path().join(FILE)).unwrap();
     let last = good.iter().rposition(|&byte| byte != 0).unwrap();
     for length in [0, 10, 320, 4096, last / 4, last / 2, last, good.len() - 1] {
-        let there = back(&good[..length], &digests).await;
-        println!("{there} of {SESSIONS} sessions in {length} of {} bytes", good.len());
+        let (there, earlier) = back(&good[..length], &digests).await;
+        println!("{there} sessions, {earlier} of the past, in {length} of {} bytes", good.len());
         assert!(length < last || there == SESSIONS, "all is there but the end, which is empty");
     }
 }

@@ -11,7 +11,7 @@ use crate::disk::{Disk, Failing};
 use crate::process::Process;
 use crate::support::{Options, Server, small};
 
-const KEY: &str = "a key of thirty-two characters..";
+const KEY: &str = "a-key-of-thirty-two-characters--";
 const OPTIONS: [&str; 4] = ["--backend", "cpu", "--api-key", KEY];
 
 struct Answer {

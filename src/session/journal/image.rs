@@ -211,6 +211,10 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
     let missing = |what: &str| format!("the session '{id}': {what}");
     let mark = one(Kind::Mark).ok_or_else(|| missing("how far it had come is not known"))?;
     let marked = mark.batch;
+    if rows.iter().any(|(row, content)| row.kind == Kind::Entry && content.batch > marked) {
+        // A batch with an entry has a mark too.
+        return Err(missing("how far it had come last is not known"));
+    }
     let mark: Mark = parse(&mark.bytes).ok_or_else(|| missing("its mark can't be read"))?;
     let checkpoint = match one(Kind::Checkpoint) {
         None => None,
