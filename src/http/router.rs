@@ -1,22 +1,19 @@
 //! Every route, and the layers around them.
 
 use std::any::Any;
-use std::time::Instant;
 
 use axum::Router;
-use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};
+use axum::extract::{DefaultBodyLimit, Request, State};
 use axum::http::{Method, Uri, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::sensitive_headers::SetSensitiveRequestHeadersLayer;
-use tower_http::trace::{DefaultOnResponse, TraceLayer};
-use tracing::{Level, Span, debug_span, error};
+use tracing::error;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use crate::metrics;
 use crate::problem::Problem;
 use crate::stream;
 
@@ -26,6 +23,7 @@ use super::handlers::{
     self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
     openapi, probes, profile, render, sessions, snapshots, snowfalls, tokens,
 };
+use super::observe::observe;
 use super::repeat::answer_once;
 use super::state::App;
 use super::{reference, viewer};
@@ -94,9 +92,6 @@ fn stream_routes() -> OpenApiRouter<App> {
 
 /// Puts what holds for every request around some routes.
 fn dress(routes: Router<App>, app: &App) -> Router<App> {
-    let trace = TraceLayer::new_for_http()
-        .make_span_with(span)
-        .on_response(DefaultOnResponse::new().level(Level::DEBUG));
     let routes = routes
         .fallback(unknown_path)
         .method_not_allowed_fallback(unknown_method)
@@ -109,41 +104,8 @@ fn dress(routes: Router<App>, app: &App) -> Router<App> {
     routes
         .layer(middleware::from_fn_with_state(app.clone(), check_host))
         .layer(CatchPanicLayer::custom(panicked))
-        .layer(middleware::from_fn_with_state(app.clone(), time))
-        .layer(trace)
+        .layer(middleware::from_fn_with_state(app.clone(), observe))
         .layer(SetSensitiveRequestHeadersLayer::new([header::AUTHORIZATION]))
-}
-
-/// Counts the request, and how long its answer takes.
-async fn time(State(app): State<App>, request: Request, next: Next) -> Response {
-    let begun = Instant::now();
-    let route = request.extensions().get::<MatchedPath>();
-    let route = route.map_or(String::new(), |path| path.as_str().to_owned());
-    let method = method_name(request.method());
-    let response = next.run(request).await;
-    let status = response.status().as_u16();
-    app.metrics.requests.answered(&metrics::Request { method, route, status }, begun.elapsed());
-    response
-}
-
-/// Methods that clients make up are one, so that they can't fill the memory.
-fn method_name(method: &Method) -> &'static str {
-    const KNOWN: [Method; 7] = [
-        Method::GET,
-        Method::POST,
-        Method::PUT,
-        Method::PATCH,
-        Method::DELETE,
-        Method::HEAD,
-        Method::OPTIONS,
-    ];
-    const NAMES: [&str; 7] = ["GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"];
-    KNOWN.iter().position(|known| known == method).map_or("other", |place| NAMES[place])
-}
-
-/// Made only where the log tells requests at all. The query is left out: it may hold a token.
-fn span(request: &Request) -> Span {
-    debug_span!("request", method = %request.method(), path = request.uri().path())
 }
 
 async fn limit_time(State(app): State<App>, request: Request, next: Next) -> Response {
