@@ -107,6 +107,8 @@ fn verdict(deviations: &[String]) -> Result<(), Failure> {
 /// Carries the experiments out; returns what deviates.
 async fn carry_out(options: &Options, sessions: &Sessions) -> Result<Vec<String>, Failure> {
     let failed = |error: experiment::ExperimentError| Failure::Failed(error.to_string());
+    // An experiment takes its time: what can't be written should show before.
+    experiment::make_directory(&options.out).map_err(failed)?;
     let device = sessions.device();
     print(format!("Computed by {} ({}).\n", device.adapter, device.backend).as_bytes())?;
     let experiments = options.experiment.experiments();

@@ -10,6 +10,7 @@ mod load;
 mod man;
 mod openapi;
 mod serve;
+mod signals;
 
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;

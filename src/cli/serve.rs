@@ -20,6 +20,7 @@ use crate::open_files;
 use crate::session::{Sessions, World, WorldConfig};
 use crate::telemetry::Telemetry;
 
+use super::signals::Signals;
 use super::{Failure, demo};
 
 /// Publications per second, beside those that requests ask for.
@@ -134,6 +135,9 @@ async fn serve(
     sessions: Sessions,
     gate: Gate,
 ) -> Result<(), Failure> {
+    // From before anybody is told that there is a server: who starts it may stop it at once.
+    let signals =
+        Signals::new().map_err(|error| Failure::Failed(format!("taking signals: {error}")))?;
     let address = listener
         .local_addr()
         .map_err(|error| Failure::Failed(format!("the address listened on: {error}")))?;
@@ -156,7 +160,7 @@ async fn serve(
         info!("the session 'demo' is at {scheme}://{address}/v1/sessions/demo");
     }
     let shutdown = CancellationToken::new();
-    let signals = tokio::spawn(stop_on_signal(shutdown.clone()));
+    let signals = tokio::spawn(stop_on_signal(signals, shutdown.clone()));
     let app = App::new(sessions, options.requests, options.stream, gate);
     let served = http::run(listener, app, shutdown).await;
     signals.abort();
@@ -208,41 +212,11 @@ fn not_listening(address: SocketAddr, error: &std::io::Error) -> Failure {
 }
 
 /// Begins to stop on the first signal, and ends the process on the second.
-async fn stop_on_signal(shutdown: CancellationToken) {
-    signal().await;
+async fn stop_on_signal(mut signals: Signals, shutdown: CancellationToken) {
+    signals.next().await;
     info!("stopping: finishing what is under way");
     shutdown.cancel();
-    signal().await;
+    signals.next().await;
     warn!("stopped at once by a second signal");
     std::process::exit(1);
-}
-
-#[cfg(unix)]
-async fn signal() {
-    use tokio::signal::unix::{SignalKind, signal};
-    let terminated = async {
-        match signal(SignalKind::terminate()) {
-            Ok(mut signals) => drop(signals.recv().await),
-            Err(error) => {
-                warn!("SIGTERM is not handled: {error}");
-                std::future::pending().await
-            }
-        }
-    };
-    tokio::select! {
-        () = interrupted() => {}
-        () = terminated => {}
-    }
-}
-
-#[cfg(not(unix))]
-async fn signal() {
-    interrupted().await;
-}
-
-async fn interrupted() {
-    if let Err(error) = tokio::signal::ctrl_c().await {
-        warn!("SIGINT is not handled: {error}");
-        std::future::pending::<()>().await;
-    }
 }

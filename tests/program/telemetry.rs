@@ -92,6 +92,7 @@ async fn every_request_is_a_span_without_its_secrets() {
     let created: serde_json::Value = created.json().await.unwrap();
     let token = created["token"].as_str().expect("it has a token").to_owned();
     let caller = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01";
+    // A token has no place there, but may come to stand there.
     let read = client.get(format!("{sessions}/alp/heights?token={token}"));
     read.bearer_auth(&token).header("traceparent", caller).send().await.unwrap();
     client.get(format!("{sessions}/alp")).send().await.unwrap();
@@ -121,7 +122,7 @@ async fn every_request_is_a_span_without_its_secrets() {
     };
     for (name, status, session) in [
         ("POST /v1/sessions", "201", Some("alp")),
-        ("GET /v1/sessions/{id}/heights", "200", Some("alp")),
+        ("GET /v1/sessions/{id}/heights", "422", Some("alp")),
         ("GET /v1/sessions/{id}", "401", Some("alp")),
         ("GET", "404", None),
     ] {
