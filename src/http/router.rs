@@ -7,6 +7,7 @@ use axum::extract::{DefaultBodyLimit, Request, State};
 use axum::http::{Method, Uri, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
+use tower::ServiceBuilder;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::sensitive_headers::SetSensitiveRequestHeadersLayer;
 use tracing::error;
@@ -31,13 +32,15 @@ use super::{reference, viewer};
 /// The whole server.
 pub fn router(app: App) -> Router {
     let (timed, _) = timed_routes().split_for_parts();
+    let (repeatable, _) = repeatable_routes().split_for_parts();
     let (untimed, _) = untimed_routes().split_for_parts();
     let (streams, _) = stream_routes().split_for_parts();
     let limit = middleware::from_fn_with_state(app.clone(), limit_time);
-    let guard = middleware::from_fn_with_state(app.clone(), authorize);
+    let guard = middleware::map_request_with_state(app.clone(), authorize);
     // A request that is out of time is still carried out, and its repeat finds the answer.
     let once = middleware::from_fn_with_state(app.clone(), answer_once);
-    let guarded = timed.route_layer(once).layer(limit).merge(untimed).route_layer(guard);
+    let timed = timed.merge(repeatable.route_layer(once)).layer(limit);
+    let guarded = timed.merge(untimed).route_layer(guard);
     let pages = reference::routes().merge(viewer::routes());
     let routes = guarded.merge(streams).merge(pages);
     dress(routes, &app).with_state(app)
@@ -46,23 +49,29 @@ pub fn router(app: App) -> Router {
 /// Every documented route.
 pub fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::with_openapi(Document::openapi())
+        .merge(repeatable_routes())
         .merge(timed_routes())
         .merge(untimed_routes())
         .merge(stream_routes())
 }
 
+/// Routes with a POST that takes an `Idempotency-Key`. They have to answer in time, too.
+fn repeatable_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::default()
+        .routes(routes!(sessions::create, sessions::list))
+        .routes(routes!(snowfalls::create))
+        .routes(routes!(clearings::create))
+        .routes(routes!(colliders::create, colliders::list))
+        .routes(routes!(colliders::batch))
+}
+
 /// Routes that have to answer within the time limit of requests.
 fn timed_routes() -> OpenApiRouter<App> {
     OpenApiRouter::default()
-        .routes(routes!(sessions::create, sessions::list))
         .routes(routes!(sessions::get, sessions::patch, sessions::delete))
         .routes(routes!(sessions::reset))
         .routes(routes!(tokens::create))
-        .routes(routes!(snowfalls::create))
-        .routes(routes!(clearings::create))
         .routes(routes!(air_temperature::put))
-        .routes(routes!(colliders::create, colliders::list))
-        .routes(routes!(colliders::batch))
         .routes(routes!(colliders::get, colliders::put, colliders::patch, colliders::delete))
         .routes(routes!(heights::get))
         .routes(routes!(height::get))
@@ -92,20 +101,16 @@ fn stream_routes() -> OpenApiRouter<App> {
 
 /// Puts what holds for every request around some routes.
 fn dress(routes: Router<App>, app: &App) -> Router<App> {
-    let routes = routes
-        .fallback(unknown_path)
-        .method_not_allowed_fallback(unknown_method)
-        .layer(DefaultBodyLimit::max(app.requests.max_body_bytes))
-        .layer(middleware::from_fn_with_state(app.clone(), check_origin));
-    let routes = match app.gate.neighbours.cors() {
-        Some(cors) => routes.layer(cors),
-        None => routes,
-    };
-    routes
-        .layer(middleware::from_fn_with_state(app.clone(), check_host))
-        .layer(CatchPanicLayer::custom(panicked))
-        .layer(middleware::from_fn_with_state(app.clone(), observe))
+    // One stack rather than layers one by one: the router puts each of those into a box of its own.
+    let layers = ServiceBuilder::new()
         .layer(SetSensitiveRequestHeadersLayer::new([header::AUTHORIZATION]))
+        .layer(middleware::from_fn_with_state(app.clone(), observe))
+        .layer(CatchPanicLayer::custom(panicked))
+        .layer(middleware::map_request_with_state(app.clone(), check_host))
+        .option_layer(app.gate.neighbours.cors())
+        .layer(middleware::map_request_with_state(app.clone(), check_origin))
+        .layer(DefaultBodyLimit::max(app.requests.max_body_bytes));
+    routes.fallback(unknown_path).method_not_allowed_fallback(unknown_method).layer(layers)
 }
 
 async fn limit_time(State(app): State<App>, request: Request, next: Next) -> Response {
