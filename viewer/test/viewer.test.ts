@@ -1,6 +1,7 @@
 // The viewer in a real browser, on a real server.
 
 import assert from "node:assert/strict";
+import { randomBytes } from "node:crypto";
 import { after, before, test } from "node:test";
 import { Firn } from "../../clients/typescript/src/index.ts";
 import { type Server, startServer } from "../../clients/typescript/test/server.ts";
@@ -263,26 +264,58 @@ test("without WebGL it says so, and everything else works", async () => {
   await keep(page, "no-webgl");
 });
 
-test("a server that asks for a token gets one, and no address shows it", async () => {
-  await firn.createSession({ id: "locked", paused: true });
-  const { page } = await open(browser, server.url);
-  // This server is open: the page in between asks for a token in its stead.
-  await page.route("**/v1/**", async (route) => {
-    if (route.request().headers()["authorization"] === "Bearer open-sesame") return route.continue();
-    const problem = {
-      type: "about:blank",
-      title: "Unauthorized",
-      status: 401,
-      detail: "a token is needed",
-      errors: [],
-    };
-    return route.fulfill({ status: 401, contentType: "application/problem+json", body: JSON.stringify(problem) });
-  });
-  await page.reload();
-  await page.getByRole("textbox", { name: "Token" }).fill("open-sesame");
+test("a server with a key: a wrong token, the key, a session's token, a viewer's", async (t) => {
+  const key = randomBytes(24).toString("hex");
+  const guarded = await startServer({ args: ["--backend", "cpu"], env: { FIRN_API_KEY: key } });
+  t.after(() => guarded.stop());
+  const made = await new Firn(guarded.url, { token: key }).createSession({ id: "locked", paused: true });
+  const enter = async (page: Page, token: string) => {
+    await page.getByRole("textbox", { name: "Token" }).fill(token);
+    await press(page, "Use it");
+  };
+  const height = (page: Page, wanted: (height: number) => boolean) => dataset(page, ".bar .facts", "height", wanted);
+
+  const { page } = await open(browser, guarded.url);
+  await page.getByRole("dialog").waitFor();
   await keep(page, "token");
-  await press(page, "Use it");
-  await page.getByText("locked").click();
+  await enter(page, "open-sesame");
+  await page.getByRole("dialog").waitFor({ state: "detached" });
+  await press(page, "Enter a token");
+  await enter(page, key);
+  await press(page, "New session");
+  await page.getByRole("dialog").getByLabel("Name").fill("second");
+  await press(page, "Create");
+  const told = page.getByRole("dialog").getByLabel("May only look");
+  assert.match(await told.inputValue(), /^\S{20,}$/);
+  await press(page, "Open it");
   await live(page);
-  assert.ok(!page.url().includes("sesame"));
+  assert.ok(!page.url().includes(key));
+
+  // Who has a session's token is sent straight to its page.
+  const { page: owner } = await open(browser, `${guarded.url}/#/sessions/locked`);
+  await press(owner, "Enter a token");
+  await enter(owner, made.token);
+  await live(owner);
+  await press(owner, "Add snow");
+  await height(owner, (height) => height > 1);
+
+  const { page: guest } = await open(browser, `${guarded.url}/#/sessions/locked`);
+  await press(guest, "Enter a token");
+  await enter(guest, made.viewer_token);
+  await live(guest);
+  await picture(guest);
+  await press(guest, "Add snow");
+  await guest.getByRole("dialog").getByText("only allows reading").waitFor();
+  await keep(guest, "token-viewer");
+  await enter(guest, made.token);
+  await live(guest);
+  await press(guest, "Add snow");
+  await height(guest, (height) => height > 2);
+
+  // Tokens that are replaced end the streams that they opened.
+  await new Firn(guarded.url, { token: key }).session("locked").renewTokens();
+  await guest.locator(".connection[data-state=closed]").waitFor();
+  await press(guest, "Enter a token");
+  await enter(guest, key);
+  await live(guest);
 });

@@ -1,4 +1,4 @@
-// The objects on the snow. They have no height of their own: they are drawn a third as high as they are wide.
+// The objects on the snow. They have no height of their own: they are drawn half as high as they are wide.
 
 import type { Collider } from "firn-client";
 import { BoxGeometry, CylinderGeometry, DataTexture, Group } from "three";
@@ -13,7 +13,7 @@ const NEAR = 0.001;
 /** Extent of a body along x, y and z [m]. */
 export function extentOf({ shape }: Pick<Collider, "shape">): [number, number, number] {
   const [width, depth] = shape.type === "box" ? [shape.width, shape.depth] : [2 * shape.radius, 2 * shape.radius];
-  return [width, Math.max(0.15, Math.min(width, depth) / 3), depth];
+  return [width, Math.max(0.15, Math.min(width, depth) / 2), depth];
 }
 
 interface Body {
