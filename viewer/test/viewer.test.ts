@@ -2,6 +2,7 @@
 
 import assert from "node:assert/strict";
 import { randomBytes } from "node:crypto";
+import { readFileSync } from "node:fs";
 import { after, before, test } from "node:test";
 import { Firn } from "../../clients/typescript/src/index.ts";
 import { type Server, startServer } from "../../clients/typescript/test/server.ts";
@@ -318,4 +319,34 @@ test("a server with a key: a wrong token, the key, a session's token, a viewer's
   await press(guest, "Enter a token");
   await enter(guest, key);
   await live(guest);
+});
+
+test("the API reference opens from the list, loads nothing from elsewhere and breaks no policy", async () => {
+  const { page, complaints } = await open(browser, server.url);
+  const foreign: string[] = [];
+  page.on("request", (request) => {
+    const { protocol, origin } = new URL(request.url());
+    if (protocol !== "data:" && origin !== server.url) foreign.push(request.url());
+  });
+  await page.getByRole("link", { name: "API reference" }).click();
+  await page.locator("#operations-tag-snow").waitFor();
+  await page.goto(`${server.url}/docs/#/snow/get_render`);
+  await page.locator("#operations-snow-get_render .parameters").first().waitFor();
+  await keep(page, "reference");
+  assert.deepEqual(foreign, []);
+  assert.deepEqual(complaints, []);
+});
+
+const noDriver = process.env["FIRN_SKIP_GPU_TESTS"] === "1" && "needs a Vulkan driver";
+
+test("a picture drawn by the server is saved", { skip: noDriver }, async () => {
+  const { page, complaints } = await openSession("portrait", { initial_snow: [{ depth: 3 }] });
+  const download = page.waitForEvent("download");
+  await press(page, "Save a picture");
+  const saved = await download;
+  assert.equal(saved.suggestedFilename(), "portrait.png");
+  const file = readFileSync(await saved.path());
+  assert.equal(file.subarray(1, 4).toString(), "PNG");
+  assert.deepEqual([file.readUInt32BE(16), file.readUInt32BE(20)], [1600, 1200]);
+  assert.deepEqual(complaints, []);
 });
