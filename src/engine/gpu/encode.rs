@@ -68,6 +68,8 @@ impl GpuBackend {
             arena: &self.arena,
             tables: &mut self.tables,
             evaluated,
+            one_by_one: self.one_by_one,
+            turns: &mut self.turns,
             dispatches: Vec::new(),
         };
         (planner, &mut self.residents)
@@ -121,13 +123,16 @@ impl GpuBackend {
         }
     }
 
-    /// Encodes dispatches one by one, with a stamp before the first and after each.
+    /// Encodes dispatches with a stamp before the first, and one after all that are of one kernel
+    /// and follow each other.
     fn encode_timed(&mut self, encoder: &mut wgpu::CommandEncoder, dispatches: &[Dispatch]) {
         let Some(mut profile) = self.profile.take() else { return };
         profile.stamp(encoder, None);
-        for dispatch in dispatches {
-            self.dispatch(&mut encoder.begin_compute_pass(&Default::default()), dispatch);
-            profile.stamp(encoder, Some(dispatch.kernel));
+        for alike in dispatches.chunk_by(|a, b| a.kernel == b.kernel) {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            alike.iter().for_each(|dispatch| self.dispatch(&mut pass, dispatch));
+            drop(pass);
+            profile.stamp(encoder, Some(alike[0].kernel));
         }
         self.profile = Some(profile);
     }
