@@ -13,7 +13,7 @@ struct View {
 @group(0) @binding(1) var colours: texture_2d<f32>;
 
 // The brightness of faces that the light does not reach, beside that of level ones.
-const AMBIENT: f32 = 0.7;
+const AMBIENT: f32 = 0.62;
 
 // The colour of a value from 0 to 1, unless paint covers it. Between what is painted and what is not the value counts.
 fn colour(value: f32, paint: vec4f) -> vec3f {
