@@ -101,10 +101,14 @@ fn compact(
 ) {
     let index = flat_index(group, groups);
     let listed = due[work.length];
-    let tile = due[work.first + index];
     if index >= listed {
         return;
     }
+    var entry = index;
+    if work.backwards != 0u {
+        entry = listed - 1u - index;
+    }
+    let tile = due[work.first + entry];
     let row = tiles[tile];
     let state = atomicLoad(&states[tile]);
     let columns = thread % GROUPS;

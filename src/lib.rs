@@ -21,3 +21,4 @@ pub mod session;
 pub mod snow;
 pub mod store;
 pub mod stream;
+pub mod telemetry;

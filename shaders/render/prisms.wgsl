@@ -5,7 +5,7 @@ struct Prism {
     // Place in the colour map, from 0 to 1.
     @location(1) value: f32,
     @location(2) high: vec3f,
-    // Replaces the mapped colour where its alpha is not 0.
+    // Replaces the mapped colour where its alpha is 1.
     @location(3) paint: vec4f,
     // Faces that can be seen, a bit each: those towards lower x, higher x, lower y and so on.
     @location(4) faces: u32,

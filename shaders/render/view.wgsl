@@ -1,4 +1,4 @@
-// How a scene is seen; `src/render/painter/frame.rs` has the same.
+// How a scene is seen; `src/render/painter.rs` has the same.
 struct View {
     clip: mat4x4f,
     // Where it is seen from; a direction, with w = 0, where nothing gets smaller with distance.
@@ -13,13 +13,13 @@ struct View {
 @group(0) @binding(1) var colours: texture_2d<f32>;
 
 // The brightness of faces that the light does not reach, beside that of level ones.
-const AMBIENT: f32 = 0.7;
+const AMBIENT: f32 = 0.62;
 
-// The colour of a value from 0 to 1, unless paint covers it.
+// The colour of a value from 0 to 1, unless paint covers it. Between what is painted and what is not the value counts.
 fn colour(value: f32, paint: vec4f) -> vec3f {
     let last = f32(textureDimensions(colours).x - 1u);
     let mapped = textureLoad(colours, vec2u(u32(clamp(value, 0.0, 1.0) * last + 0.5), 0u), 0).rgb;
-    return select(mapped, paint.rgb, paint.a > 0.0);
+    return select(mapped, paint.rgb, paint.a > 0.99);
 }
 
 // Level faces keep their colour, so that it can be found in the legend.

@@ -197,7 +197,8 @@ struct Pass {
     edited: u32,
     // Where the length of a list of tiles stands.
     length: u32,
-    padding: u32,
+    // Not 0 where a list of tiles is gone through from its end.
+    backwards: u32,
 }
 
 // Index of a workgroup in a dispatch of two dimensions.

@@ -13,6 +13,9 @@ pub enum Case {
     SessionThesis,
     /// The same session in the running world: a whole frame, from planning to published
     SessionFrame,
+    /// The same while another session is asked for its mass all the time: the host's processor does
+    /// not fall asleep between frames
+    SessionFrameAwake,
     /// 512²×50 full of snow, active: one tick of `compact`
     Field,
     /// The same in the thesis's layout
@@ -67,6 +70,7 @@ impl Case {
             Case::Session => "session",
             Case::SessionThesis => "session-thesis",
             Case::SessionFrame => "session-frame",
+            Case::SessionFrameAwake => "session-frame-awake",
             Case::Field => "field",
             Case::FieldThesis => "field-thesis",
             Case::FieldMany => "field-many",
@@ -84,7 +88,7 @@ impl Case {
         match self {
             Case::Session => (Quantity::Seconds, 10e-6),
             Case::SessionThesis => (Quantity::TimesSlower, 20.0),
-            Case::SessionFrame => (Quantity::Seconds, 100e-6),
+            Case::SessionFrame | Case::SessionFrameAwake => (Quantity::Seconds, 100e-6),
             Case::Field => (Quantity::CellCyclesPerSecond, 150e9),
             Case::FieldThesis => (Quantity::TimesSlower, 150.0),
             Case::FieldMany => (Quantity::CellCyclesPerSecond, 0.8e12),

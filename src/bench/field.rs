@@ -18,8 +18,11 @@ use crate::snow::{Grid, MASS_QUANTA, Material};
 /// Time of one cycle \[s\]: a tick at 60 Hz.
 const DT: f64 = 1.0 / 60.0;
 
-/// Cycles before the first that counts.
+/// Cycles of fresh snow before the first that counts.
 const WARM_UP: u32 = 8;
+
+/// Single cycles that follow each other in one sample.
+pub(super) const IN_A_ROW: u32 = 16;
 
 /// Cycles in one dispatch, where many go.
 const MANY: u32 = 256;
@@ -175,11 +178,23 @@ impl Bed {
     }
 
     fn single_ticks(&mut self, case: Case, samples: u32) -> Result<Measured, BenchError> {
-        self.run(WARM_UP)?;
-        let times = (0..samples).map(|_| self.run(1)).collect::<Result<Vec<_>, _>>()?;
+        let mut times = Vec::new();
+        for _ in 0..samples {
+            self.lay_snow()?;
+            self.run(WARM_UP)?;
+            self.run_one_by_one(true);
+            times.push(self.run(IN_A_ROW)? / IN_A_ROW);
+            self.run_one_by_one(false);
+        }
         // A cell that has come to rest stays so: those that move now have moved all the time.
         let stack = self.count()?;
         self.measured(case, times, &stack, 1)
+    }
+
+    fn run_one_by_one(&mut self, one_by_one: bool) {
+        if let Engine::Gpu(gpu) = &mut self.engine {
+            gpu.run_one_by_one(one_by_one);
+        }
     }
 
     fn many_ticks(&mut self, samples: u32) -> Result<Measured, BenchError> {

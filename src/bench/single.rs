@@ -1,5 +1,6 @@
 //! One session in the running world: what a frame takes, the host's part included.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::case::Case;
@@ -38,7 +39,7 @@ pub(super) fn measure(
     report: &mut Report,
     observe: &mut dyn FnMut(&str),
 ) -> Result<(), BenchError> {
-    if plan.wants_any(&[Case::SessionFrame, Case::Create]) {
+    if plan.wants_any(&[Case::SessionFrame, Case::SessionFrameAwake, Case::Create]) {
         let host = Host::start(plan, FRAME_RATE)?;
         if plan.wants(Case::Create) {
             observe("create: sessions one after another");
@@ -46,7 +47,11 @@ pub(super) fn measure(
         }
         if plan.wants(Case::SessionFrame) {
             observe("session-frame: a live session");
-            report.cases.push(live_session(&host, plan.samples)?);
+            report.cases.push(live_session(&host, Case::SessionFrame, plan.samples)?);
+        }
+        if plan.wants(Case::SessionFrameAwake) {
+            observe("session-frame-awake: a live session beside a busy one");
+            report.cases.push(awake_session(&host, plan.samples)?);
         }
     }
     if plan.wants(Case::Vehicle) {
@@ -85,15 +90,31 @@ fn create(host: &Host, samples: u32) -> Result<Measured, BenchError> {
 }
 
 /// A session ticks and publishes with every frame.
-fn live_session(host: &Host, samples: u32) -> Result<Measured, BenchError> {
+fn live_session(host: &Host, case: Case, samples: u32) -> Result<Measured, BenchError> {
     let session = host.create(spec(50, 5.8))?;
-    let case = Case::SessionFrame;
     let tiles = session.spec.grid.tiles();
     let count = WARM_UP + samples as usize;
     let frames = host.watch(case.name(), count, |frame| frame.published_tiles == tiles)?;
     let times = frames[WARM_UP..].iter().map(|frame| frame.took).collect();
     host.runtime.block_on(host.sessions.delete(&session.id))?;
     measured(case, 50, times)
+}
+
+/// The same, with frames for another session in between.
+fn awake_session(host: &Host, samples: u32) -> Result<Measured, BenchError> {
+    let other = host.create(SessionSpec { paused: true, ..spec(8, 1.0) })?;
+    let done = AtomicBool::new(false);
+    let measured = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !done.load(Ordering::Relaxed) && host.runtime.block_on(other.mass()).is_ok() {}
+        });
+        // Nothing here needs the runtime meanwhile but the other session.
+        let measured = live_session(host, Case::SessionFrameAwake, samples);
+        done.store(true, Ordering::Relaxed);
+        measured
+    });
+    host.runtime.block_on(host.sessions.delete(&other.id))?;
+    measured
 }
 
 /// A vehicle drives through a large world at rest.

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::bandwidth::wait;
 use super::case::Case;
+use super::field::IN_A_ROW;
 use super::report::{Clock, Measured, Report};
 use super::spread::Spread;
 use super::{BenchError, Plan};
@@ -19,8 +20,8 @@ const CELL_WORDS: u64 = 22;
 /// Times that a cycle moves a whole cell: four kernels read and write it, the last one reads it.
 const CELL_MOVES: u64 = 9;
 
-/// Cycles before the first that counts.
-const WARM_UP: u32 = 8;
+/// Samples before the first that counts.
+const WARM_UP: u32 = 2;
 
 /// Words of a cell that are not zero in the beginning: density, temperature and mass.
 const DENSITY: usize = 16;
@@ -144,26 +145,26 @@ impl Thesis<'_> {
         Ok(Thesis { device, pipelines, binding, watch: Stopwatch::new(device, 3) })
     }
 
-    /// Runs cycles one by one, each in a submit of its own.
+    /// Runs cycles, some in a row for each sample.
     fn cycles(&mut self, samples: u32) -> Result<Vec<Duration>, EngineError> {
         let mut times = Vec::new();
         for sample in 0..WARM_UP + samples {
-            let time = self.cycle()?;
+            let time = self.cycles_in_a_row()?;
             if sample >= WARM_UP {
-                times.push(time);
+                times.push(time / IN_A_ROW);
             }
         }
         Ok(times)
     }
 
-    fn cycle(&mut self) -> Result<Duration, EngineError> {
+    fn cycles_in_a_row(&mut self) -> Result<Duration, EngineError> {
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         if let Some(watch) = &mut self.watch {
             watch.begin(&mut encoder);
         }
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_bind_group(0, &self.binding, &[]);
-        for (pipeline, groups) in &self.pipelines {
+        for (pipeline, groups) in (0..IN_A_ROW).flat_map(|_| &self.pipelines) {
             let (x, y) = self.device.groups(*groups);
             pass.set_pipeline(pipeline);
             pass.dispatch_workgroups(x, y, 1);

@@ -1,7 +1,6 @@
 //! `firn load`: the load tool.
 
 use std::fmt::Display;
-use std::io::{ErrorKind, Write};
 use std::time::Duration;
 
 use clap::Args;
@@ -204,11 +203,5 @@ fn print(report: &(impl Display + Serialize), json: bool) -> Result<(), Failure>
     } else {
         report.to_string()
     };
-    match writeln!(std::io::stdout(), "{text}") {
-        // Whoever reads it may have seen enough.
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Failure::Failed(format!("standard output: {error}")))
-        }
-        _ => Ok(()),
-    }
+    super::print(format!("{}\n", text.trim_end()).as_bytes())
 }

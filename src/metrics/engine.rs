@@ -3,12 +3,13 @@
 use std::fmt;
 
 use prometheus_client::collector::Collector;
-use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
+use prometheus_client::encoding::{DescriptorEncoder, EncodeLabelSet, EncodeMetric};
+use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Unit;
 
-use crate::session::{Sessions, StoreVitals};
+use crate::session::{Sessions, StageTimes, StoreVitals, Vitals};
 
 /// Reads the engine's state.
 #[derive(Debug)]
@@ -16,47 +17,78 @@ pub(super) struct EngineCollector(pub Sessions);
 
 impl Collector for EngineCollector {
     fn encode(&self, mut encoder: DescriptorEncoder) -> fmt::Result {
-        let sessions = &self.0;
-        let vitals = sessions.vitals();
         let mut write = Writer(&mut encoder);
-        write.gauge("sessions", "Sessions there are", None, sessions.count() as i64)?;
-        let healthy = i64::from(vitals.is_healthy());
-        write.gauge("engine_healthy", "1 while frames are carried out, else 0", None, healthy)?;
-        let overloaded = i64::from(vitals.is_overloaded());
-        write.gauge(
-            "engine_overloaded",
-            "1 while ticks slip behind the clock",
-            None,
-            overloaded,
-        )?;
-        let memory = vitals.memory() as i64;
-        let help = "Device memory held for snowpacks";
-        write.gauge("device_memory", help, Some(&Unit::Bytes), memory)?;
-        write.counter("frames", "Frames that were carried out", None, vitals.frames())?;
-        let time = vitals.frame_time().as_secs_f64();
-        let help = "Time that frames took, from planning to publishing";
-        write.counter("frame_time", help, Some(&Unit::Seconds), time)?;
-        let lag = vitals.slipped().as_secs_f64();
-        let help = "Time by which ticks have slipped behind the clock";
-        write.counter("lag", help, Some(&Unit::Seconds), lag)?;
-        let help = "Sessions that hibernate";
-        write.gauge("hibernating_sessions", help, None, vitals.hibernating() as i64)?;
-        write_store(&mut write, &vitals.store)
+        held(&mut write, &self.0)?;
+        frames(&mut write, self.0.vitals())?;
+        stages(&mut write, &self.0.vitals().stage_times())?;
+        store(&mut write, &self.0.vitals().store)
     }
 }
 
-fn write_store(write: &mut Writer, store: &StoreVitals) -> fmt::Result {
+/// What there is.
+fn held(write: &mut Writer, sessions: &Sessions) -> fmt::Result {
+    let totals = sessions.totals();
+    let bytes = Some(&Unit::Bytes);
+    write.gauge("sessions", "Sessions there are", None, sessions.count() as u64)?;
+    let help = "Sessions that hibernate";
+    write.gauge("hibernating_sessions", help, None, sessions.vitals().hibernating())?;
+    write.gauge("tiles", "Tiles of all sessions", None, totals.tiles)?;
+    let help = "Tiles of all sessions in which snow moves";
+    write.gauge("active_tiles", help, None, totals.active_tiles)?;
+    let help = "Device memory that the cells of all sessions take";
+    write.gauge("session_memory", help, bytes, totals.device_memory)?;
+    let help = "Device memory held for snowpacks";
+    write.gauge("device_memory", help, bytes, sessions.vitals().memory())
+}
+
+/// How the engine keeps up.
+fn frames(write: &mut Writer, vitals: &Vitals) -> fmt::Result {
+    let seconds = Some(&Unit::Seconds);
+    let help = "1 while frames are carried out, else 0";
+    write.gauge("engine_healthy", help, None, u64::from(vitals.is_healthy()))?;
+    let help = "1 while ticks slip behind the clock";
+    write.gauge("engine_overloaded", help, None, u64::from(vitals.is_overloaded()))?;
+    write.counter("frames", "Frames that were carried out", None, vitals.frames())?;
+    let help = "Time that frames took, from planning to publishing";
+    write.counter("frame_time", help, seconds, vitals.frame_time().as_secs_f64())?;
+    let help = "Time by which ticks have slipped behind the clock";
+    write.counter("lag", help, seconds, vitals.slipped().as_secs_f64())
+}
+
+/// What the device did, in those frames that were timed.
+fn stages(write: &mut Writer, times: &StageTimes) -> fmt::Result {
+    let help = "Frames whose stages were timed on the device";
+    write.counter("timed_frames", help, None, times.frames)?;
+    let help = "Time that the stages of those frames took on the device";
+    let seconds = Some(&Unit::Seconds);
+    let kind = MetricType::Counter;
+    let mut family = write.0.encode_descriptor("stage_time", help, seconds, kind)?;
+    for (&stage, time) in &times.stages {
+        let labels = Stage { stage };
+        ConstCounter::new(time.as_secs_f64()).encode(family.encode_family(&labels)?)?;
+    }
+    Ok(())
+}
+
+/// What makes changes last.
+fn store(write: &mut Writer, store: &StoreVitals) -> fmt::Result {
+    let seconds = Some(&Unit::Seconds);
     let help = "1 while changes can be stored, else 0";
-    write.gauge("store_healthy", help, None, i64::from(store.is_healthy()))?;
+    write.gauge("store_healthy", help, None, u64::from(store.is_healthy()))?;
     let help = "Time that commits took until they were on disk";
-    write.write("store_commit_duration", help, Some(&Unit::Seconds), store.commits())?;
+    write.write("store_commit_duration", help, seconds, store.commits())?;
     write.counter("store_checkpoints", "Checkpoints stored", None, store.checkpoints())?;
     let help = "Bytes of the checkpoints stored, compressed";
     write.counter("store_checkpoint", help, Some(&Unit::Bytes), store.checkpoint_bytes())?;
     let help = "Time that bringing sessions back took at the start";
-    write.gauge("store_recovery", help, Some(&Unit::Seconds), store.recovery().as_secs_f64())?;
+    write.gauge("store_recovery", help, seconds, store.recovery().as_secs_f64())?;
     let help = "Sessions that could not be brought back at the start";
-    write.gauge("store_lost_sessions", help, None, store.lost_sessions() as i64)
+    write.gauge("store_lost_sessions", help, None, store.lost_sessions())
+}
+
+#[derive(Clone, Debug, EncodeLabelSet)]
+struct Stage {
+    stage: &'static str,
 }
 
 /// Writes figures that are kept elsewhere.

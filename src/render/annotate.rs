@@ -52,6 +52,7 @@ pub fn axes(canvas: &mut Canvas, picture: &Picture, clip: &Mat4, bounds: &Bounds
         canvas.fill((left - 2 - TICK as i32, y), (TICK, 1), None);
         canvas.write(&text, (left - 4 - TICK as i32, y), Alignment::Right);
     }
+    canvas.write("y [m]", (left - 4 - TICK as i32, top - line), Alignment::Right);
     canvas.fill((left, base + 2), ((right - left).unsigned_abs() + 1, 1), None);
     let most = (right - left).unsigned_abs() / (7 * width);
     let runs = |point: Vec3| match picture.along {

@@ -97,7 +97,7 @@ impl Camera {
         Sight {
             clip: fit(&seen, bounds, extent, self.zoom) * seen,
             eye: if parallel { back.extend(0.0) } else { eye.extend(1.0) },
-            light: direction(yaw - 0.7, 0.9),
+            light: direction(yaw - 0.7, 1.05),
         }
     }
 }

@@ -73,16 +73,19 @@ impl Field {
         }
     }
 
-    /// Perceptually uniform maps of matplotlib (van der Walt and Smith; Nuñez, Anderton and Renslow
-    /// for cividis), and a diverging one of ColorBrewer (Brewer).
-    pub(super) fn gradient(self) -> colorous::Gradient {
-        match self {
-            Field::Density => colorous::VIRIDIS,
-            Field::Temperature => colorous::PLASMA,
-            Field::Overpressure => colorous::RED_BLUE,
-            Field::Hardness => colorous::MAGMA,
-            Field::Position => colorous::CIVIDIS,
-        }
+    /// Its colour at a place from 0 to 1. Perceptually uniform maps of matplotlib (van der Walt and
+    /// Smith; Nuñez, Anderton and Renslow for cividis), and a diverging one of ColorBrewer (Brewer).
+    pub(super) fn colour(self, place: f64) -> [u8; 3] {
+        let colour = match self {
+            Field::Density => colorous::VIRIDIS.eval_continuous(place),
+            Field::Temperature => colorous::PLASMA.eval_continuous(place),
+            // It begins with red; stress above the hardness is what red stands for.
+            Field::Overpressure => colorous::RED_BLUE.eval_continuous(1.0 - place),
+            // The shape of what is nearly black can't be seen.
+            Field::Hardness => colorous::MAGMA.eval_continuous((2.0 + 7.0 * place) / 9.0),
+            Field::Position => colorous::CIVIDIS.eval_continuous(place),
+        };
+        colour.as_array()
     }
 }
 

@@ -6,7 +6,7 @@ use super::{Picture, View};
 /// Characters that the legend is wide: the longest name of a field.
 const LEGEND_CHARACTERS: u32 = 12;
 
-/// Characters beside a section for the numbers on its vertical axis.
+/// Characters beside a section for what is written at its vertical axis.
 const AXIS_CHARACTERS: u32 = 5;
 
 /// Least pixels across and down beside which a legend stands.
@@ -48,16 +48,19 @@ impl Layout {
             let y = (height - bar + 2 * character.height) / 2;
             Area { x: width - margin - across, y, width: 2 * character.width, height: bar }
         });
-        let (left, below) = match picture.view {
-            View::Section if large => (AXIS_CHARACTERS * character.width, 3 * character.height),
-            _ => (0, 0),
+        // Numbers and titles of a section's axes.
+        let (left, above, below) = match picture.view {
+            View::Section if large => {
+                (AXIS_CHARACTERS * character.width, character.height, 3 * character.height)
+            }
+            _ => (0, 0, 0),
         };
         let right = legend.map_or(width, |legend| legend.x) - margin;
         let scene = Area {
             x: margin + left,
-            y: margin,
+            y: margin + above,
             width: right - margin - left,
-            height: height - 2 * margin - below,
+            height: height - 2 * margin - above - below,
         };
         Layout { scene, legend }
     }

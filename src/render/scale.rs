@@ -41,19 +41,13 @@ impl Scale {
         } else if from >= to {
             from = to - field.least_range();
         }
-        let gradient = field.gradient();
-        let colours = std::array::from_fn(|i| {
-            let colour = gradient.eval_rational(i, COLOURS);
-            [colour.r, colour.g, colour.b]
-        });
+        let colours = std::array::from_fn(|i| field.colour(i as f64 / (COLOURS - 1) as f64));
         Scale { field, from, to, colours }
     }
 
     /// Where a value lies, from 0 to 1.
     pub fn place(&self, value: f32) -> f32 {
-        let place = ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0);
-        // RdBu begins with red; stress above the hardness is what red stands for.
-        if self.field.is_diverging() { 1.0 - place } else { place }
+        ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0)
     }
 
     /// The colour of a value, as red, green and blue (sRGB).

@@ -15,7 +15,7 @@ use super::{Picture, Snow, View};
 type Paint = [u8; 4];
 const MAPPED: Paint = [0; 4];
 const EARTH: Paint = [126, 111, 94, 255];
-const OBJECT: Paint = [71, 85, 105, 255];
+const OBJECT: Paint = [178, 102, 68, 255];
 const SNOW: Paint = [223, 230, 238, 255];
 
 /// Thickness of the ground below the lowest elevation, as a part of the extent of what is shown.
@@ -34,7 +34,7 @@ pub struct Prism {
     pub value: f32,
     /// Its highest corner \[m\].
     pub high: [f32; 3],
-    /// A colour in place of the map's, where its alpha is not 0.
+    /// A colour in place of the map's, where its alpha is 255.
     pub paint: [u8; 4],
     /// Faces that can be seen, a bit each: those towards lower x, higher x, lower y and so on.
     pub faces: u32,
@@ -50,7 +50,7 @@ pub struct Vertex {
     pub value: f32,
     /// Across the surface; of length 1.
     pub normal: [f32; 3],
-    /// A colour in place of the map's, where its alpha is not 0.
+    /// A colour in place of the map's, where its alpha is 255.
     pub paint: [u8; 4],
 }
 

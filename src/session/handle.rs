@@ -9,7 +9,7 @@ use tokio::sync::{Semaphore, broadcast, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
 
-use crate::engine::frame::TileCells;
+use crate::engine::frame::{TileCells, cell_bytes};
 use crate::snow::{CELL, ColumnRect};
 
 use super::change::{Change, StepSpec};
@@ -302,6 +302,7 @@ impl Session {
             sim_time: clock.sim_time(),
             settled: mirror.settled,
             summary: mirror.summary(),
+            device_memory_bytes: self.device_memory(),
             created_at: self.created_at.clone(),
             stream_url: format!("/v1/sessions/{}/stream", self.id),
         }
@@ -313,6 +314,11 @@ impl Session {
             (false, true) => State::Paused,
             (false, false) => State::Running,
         }
+    }
+
+    /// Device memory that its cells take \[bytes\].
+    pub(super) fn device_memory(&self) -> u64 {
+        if self.hibernating.load(Ordering::Relaxed) { 0 } else { cell_bytes(&self.spec.grid) }
     }
 
     /// Applies a change in the next frame, and returns when it is durable and the next read sees it.

@@ -40,7 +40,7 @@ pub use journal::StoreVitals;
 pub use mirror::{Mirror, TileColumns};
 pub use once::Once;
 pub use probe::{Probe, ProbeBatch, ProbeReply, ProbeView};
-pub use registry::Sessions;
+pub use registry::{Sessions, Totals};
 pub use simulation::Simulation;
 pub use snapshot::{MEDIA_TYPE as SNAPSHOT_MEDIA_TYPE, Snapshot};
 pub use spec::{Limits, SessionSpec, SnowLayer, Terrain, is_valid_id};
@@ -50,5 +50,5 @@ pub use view::{
     CreatedSession, LayerView, MassView, SessionView, Settings, SnowfallReply, Stamp, State,
     Summary, WeakLayerView,
 };
-pub use vitals::{FrameTime, Vitals};
+pub use vitals::{FrameTime, StageTimes, Vitals};
 pub use world::{Durability, Fault, OpenBackend, StartError, World, WorldConfig};

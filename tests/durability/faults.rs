@@ -121,6 +121,7 @@ async fn a_disk_that_fails_refuses_changes_and_nothing_else(backend: BackendChoi
             assert_eq!(problem["type"], "urn:firn:problem:storage-failed", "{failing:?}");
             assert_eq!(seen(&server, &path).await, before, "{failing:?}");
         }
+        assert!(!server.sessions.vitals().store.is_healthy(), "whoever watches is told");
         server.post(&format!("{path}/step"), json!({"ticks": 5})).await.problem(507);
         server.post(&format!("{path}/reset"), Value::Null).await.problem(507);
         server.post("/v1/sessions", small()).await.problem(507);
@@ -140,6 +141,7 @@ async fn a_disk_that_fails_refuses_changes_and_nothing_else(backend: BackendChoi
             assert!(began.elapsed() < HEALING);
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
+        assert!(server.sessions.vitals().store.is_healthy());
         let fallen = |answers: &[Value]| answers[1]["fallen"].as_f64().unwrap();
         let after = seen(&server, &path).await;
         let once = 0.1 * 20.0 * 21.0 * 18.0 * 0.04;

@@ -63,6 +63,7 @@ async fn a_session_that_nobody_wants_hibernates(backend: BackendChoice) {
         let asleep = until_hibernating(&server, "live").await;
         until_hibernating(&server, "bear").await;
         assert_eq!(server.sessions.vitals().memory(), empty, "all memory is free");
+        assert_eq!(server.sessions.vitals().hibernating(), 2);
 
         // Time stands still.
         tokio::time::sleep(Duration::from_millis(300)).await;

@@ -318,7 +318,7 @@ async fn objects_are_in_every_view(backend: BackendChoice) {
             let without = format!("{with}&colliders=false");
             let count = async |query: &str| {
                 let image = Image::decode(&server.get(query).await);
-                image.pixels.chunks(3).filter(|pixel| *pixel == [71, 85, 105]).count()
+                image.pixels.chunks(3).filter(|pixel| *pixel == [178, 102, 68]).count()
             };
             let (with, without) = (count(&with).await, count(&without).await);
             assert!(with > without + 1000, "{id} in {view}: {with} and {without} pixels");

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::on_each_backend;
-use crate::support::{Options, Server, numbers, small};
+use crate::support::{Options, Server, small};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
 

@@ -23,7 +23,8 @@ const plain = (name: "density" | "temperature" | "hardness") => (cells: Cells) =
 
 const viridis = "440154 482878 3e4989 31688e 26828e 1f9e89 35b779 6ece58 b5de2b fde725";
 const plasma = "0d0887 46039f 7201a8 9c179e bd3786 d8576b ed7953 fb9f3a fdca26 f0f921";
-const magma = "000004 180f3d 440f76 721f81 9e2f7f cd4071 f1605d fd9668 feca8d fcfdbf";
+// Without its darkest colours: the shape of what is nearly black can't be seen.
+const magma = "440f76 721f81 9e2f7f cd4071 f1605d fd9668 feca8d fcfdbf";
 const cividis = "00224e 123570 3b496c 575d6d 707173 8a8678 a59c74 c3b369 e1cc55 fee838";
 const blueRed = "053061 2166ac 4393c3 92c5de d1e5f0 f7f7f7 fddbc7 f4a582 d6604d b2182b 67001f";
 

@@ -23,8 +23,9 @@ export function explain(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
 
-/** Asks for a token; true once one was entered. */
-export function askForToken(why: string): Promise<boolean> {
+/** Asks for a token; true once one was entered. While it asks already, false at once. */
+export async function askForToken(why: string): Promise<boolean> {
+  if (document.querySelector("[name=token]")) return false;
   const input = h("input", {
     type: "password",
     name: "token",

@@ -1,6 +1,8 @@
 // The viewer in a real browser, on a real server.
 
 import assert from "node:assert/strict";
+import { randomBytes } from "node:crypto";
+import { readFileSync } from "node:fs";
 import { after, before, test } from "node:test";
 import { Firn } from "../../clients/typescript/src/index.ts";
 import { type Server, startServer } from "../../clients/typescript/test/server.ts";
@@ -263,26 +265,88 @@ test("without WebGL it says so, and everything else works", async () => {
   await keep(page, "no-webgl");
 });
 
-test("a server that asks for a token gets one, and no address shows it", async () => {
-  await firn.createSession({ id: "locked", paused: true });
-  const { page } = await open(browser, server.url);
-  // This server is open: the page in between asks for a token in its stead.
-  await page.route("**/v1/**", async (route) => {
-    if (route.request().headers()["authorization"] === "Bearer open-sesame") return route.continue();
-    const problem = {
-      type: "about:blank",
-      title: "Unauthorized",
-      status: 401,
-      detail: "a token is needed",
-      errors: [],
-    };
-    return route.fulfill({ status: 401, contentType: "application/problem+json", body: JSON.stringify(problem) });
-  });
-  await page.reload();
-  await page.getByRole("textbox", { name: "Token" }).fill("open-sesame");
+test("a server with a key: a wrong token, the key, a session's token, a viewer's", async (t) => {
+  const key = randomBytes(24).toString("hex");
+  const guarded = await startServer({ args: ["--backend", "cpu"], env: { FIRN_API_KEY: key } });
+  t.after(() => guarded.stop());
+  const made = await new Firn(guarded.url, { token: key }).createSession({ id: "locked", paused: true });
+  const enter = async (page: Page, token: string) => {
+    await page.getByRole("textbox", { name: "Token" }).fill(token);
+    await press(page, "Use it");
+  };
+  const height = (page: Page, wanted: (height: number) => boolean) => dataset(page, ".bar .facts", "height", wanted);
+
+  const { page } = await open(browser, guarded.url);
+  await page.getByRole("dialog").waitFor();
   await keep(page, "token");
-  await press(page, "Use it");
-  await page.getByText("locked").click();
+  await enter(page, "open-sesame");
+  await page.getByRole("dialog").waitFor({ state: "detached" });
+  await press(page, "Enter a token");
+  await enter(page, key);
+  await press(page, "New session");
+  await page.getByRole("dialog").getByLabel("Name").fill("second");
+  await press(page, "Create");
+  const told = page.getByRole("dialog").getByLabel("May only look");
+  assert.match(await told.inputValue(), /^\S{20,}$/);
+  await press(page, "Open it");
   await live(page);
-  assert.ok(!page.url().includes("sesame"));
+  assert.ok(!page.url().includes(key));
+
+  // Who has a session's token is sent straight to its page.
+  const { page: owner } = await open(browser, `${guarded.url}/#/sessions/locked`);
+  await press(owner, "Enter a token");
+  await enter(owner, made.token);
+  await live(owner);
+  await press(owner, "Add snow");
+  await height(owner, (height) => height > 1);
+
+  const { page: guest } = await open(browser, `${guarded.url}/#/sessions/locked`);
+  await press(guest, "Enter a token");
+  await enter(guest, made.viewer_token);
+  await live(guest);
+  await picture(guest);
+  await press(guest, "Add snow");
+  await guest.getByRole("dialog").getByText("only allows reading").waitFor();
+  await keep(guest, "token-viewer");
+  await enter(guest, made.token);
+  await live(guest);
+  await press(guest, "Add snow");
+  await height(guest, (height) => height > 2);
+
+  // Tokens that are replaced end the streams that they opened.
+  await new Firn(guarded.url, { token: key }).session("locked").renewTokens();
+  await guest.locator(".connection[data-state=closed]").waitFor();
+  await press(guest, "Enter a token");
+  await enter(guest, key);
+  await live(guest);
+});
+
+test("the API reference opens from the list, loads nothing from elsewhere and breaks no policy", async () => {
+  const { page, complaints } = await open(browser, server.url);
+  const foreign: string[] = [];
+  page.on("request", (request) => {
+    const { protocol, origin } = new URL(request.url());
+    if (protocol !== "data:" && origin !== server.url) foreign.push(request.url());
+  });
+  await page.getByRole("link", { name: "API reference" }).click();
+  await page.locator("#operations-tag-snow").waitFor();
+  await page.goto(`${server.url}/docs/#/snow/get_render`);
+  await page.locator("#operations-snow-get_render .parameters").first().waitFor();
+  await keep(page, "reference");
+  assert.deepEqual(foreign, []);
+  assert.deepEqual(complaints, []);
+});
+
+const noDriver = process.env["FIRN_SKIP_GPU_TESTS"] === "1" && "needs a Vulkan driver";
+
+test("a picture drawn by the server is saved", { skip: noDriver }, async () => {
+  const { page, complaints } = await openSession("portrait", { initial_snow: [{ depth: 3 }] });
+  const download = page.waitForEvent("download");
+  await press(page, "Save a picture");
+  const saved = await download;
+  assert.equal(saved.suggestedFilename(), "portrait.png");
+  const file = readFileSync(await saved.path());
+  assert.equal(file.subarray(1, 4).toString(), "PNG");
+  assert.deepEqual([file.readUInt32BE(16), file.readUInt32BE(20)], [1600, 1200]);
+  assert.deepEqual(complaints, []);
 });

@@ -20,16 +20,16 @@ export interface Server {
 }
 
 /**
- * Starts the server that FIRN_BIN names, or the one that `cargo build` makes, on a free port or on `port`. Its working
- * directory is a folder of its own, removed with it.
+ * Starts the server that FIRN_BIN names, or the one that `cargo build` makes, on a free port or on `port`, with `env` beside
+ * this process's environment. Its working directory is a folder of its own, removed with it.
  */
-export async function startServer(options: { args?: string[]; port?: number } = {}): Promise<Server> {
+export async function startServer(options: { args?: string[]; port?: number; env?: Record<string, string> } = {}): Promise<Server> {
   const program = process.env["FIRN_BIN"] ?? fileURLToPath(built);
   const folder = mkdtempSync(join(tmpdir(), "firn-test-"));
   const listen = ["--listen", `127.0.0.1:${options.port ?? 0}`];
   const child = spawn(program, ["serve", ...listen, ...(options.args ?? [])], {
     cwd: folder,
-    env: { ...process.env, RUST_LOG: "info", NODEVICE_SELECT: "1" },
+    env: { ...process.env, RUST_LOG: "info", NODEVICE_SELECT: "1", ...options.env },
     stdio: ["ignore", "ignore", "pipe"],
   });
   // A test that fails badly leaves no server behind.

@@ -9,6 +9,7 @@ use crate::engine::frame::{Edit, Frame, SampleBox, Slot, Work};
 use super::GpuBackend;
 use super::kernels::KernelId;
 use super::plan::{Dispatch, Planner, Round};
+use super::profile::Profile;
 use super::readback::Copies;
 use super::resident::{self, Residents};
 
@@ -68,6 +69,8 @@ impl GpuBackend {
             arena: &self.arena,
             tables: &mut self.tables,
             evaluated,
+            one_by_one: self.one_by_one,
+            turns: &mut self.turns,
             dispatches: Vec::new(),
         };
         (planner, &mut self.residents)
@@ -112,22 +115,24 @@ impl GpuBackend {
         if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
             self.tables.clear_schedule(encoder, &self.arena);
         }
-        match &mut self.profile {
-            None => {
-                let mut pass = encoder.begin_compute_pass(&Default::default());
-                dispatches.iter().for_each(|dispatch| self.dispatch(&mut pass, dispatch));
-            }
-            Some(_) => self.encode_timed(encoder, dispatches),
+        if self.profile.as_ref().is_some_and(Profile::is_taking_times) {
+            self.encode_timed(encoder, dispatches);
+        } else {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            dispatches.iter().for_each(|dispatch| self.dispatch(&mut pass, dispatch));
         }
     }
 
-    /// Encodes dispatches one by one, with a stamp before the first and after each.
+    /// Encodes dispatches with a stamp before the first, and one after all that are of one kernel
+    /// and follow each other.
     fn encode_timed(&mut self, encoder: &mut wgpu::CommandEncoder, dispatches: &[Dispatch]) {
         let Some(mut profile) = self.profile.take() else { return };
         profile.stamp(encoder, None);
-        for dispatch in dispatches {
-            self.dispatch(&mut encoder.begin_compute_pass(&Default::default()), dispatch);
-            profile.stamp(encoder, Some(dispatch.kernel));
+        for alike in dispatches.chunk_by(|a, b| a.kernel == b.kernel) {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            alike.iter().for_each(|dispatch| self.dispatch(&mut pass, dispatch));
+            drop(pass);
+            profile.stamp(encoder, Some(alike[0].kernel));
         }
         self.profile = Some(profile);
     }

@@ -328,8 +328,8 @@ pub struct Pass {
     pub edited: u32,
     /// Where the length of a list of tiles stands.
     pub length: u32,
-    /// Fills the row.
-    pub padding: u32,
+    /// Not 0 where a list of tiles is gone through from its end.
+    pub backwards: u32,
 }
 
 /// A 64-bit number of two words.

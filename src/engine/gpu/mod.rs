@@ -38,6 +38,8 @@ pub struct GpuBackend {
     readback: Readback,
     outcomes: VecDeque<Outcome>,
     always_awake: bool,
+    one_by_one: bool,
+    turns: u32,
     profile: Option<Profile>,
 }
 
@@ -65,19 +67,33 @@ impl GpuBackend {
             readback,
             outcomes: VecDeque::new(),
             always_awake,
+            one_by_one: false,
+            turns: 0,
             profile: None,
         })
+    }
+
+    /// Says whether every cycle of a run is to be a dispatch of its own, as the cycles of snow under
+    /// objects are. The results are the same.
+    pub fn run_one_by_one(&mut self, one_by_one: bool) {
+        self.one_by_one = one_by_one;
     }
 
     /// Takes the time of every kernel from now on, which makes frames a little slower. Returns
     /// whether the adapter can.
     pub fn take_times(&mut self) -> bool {
-        self.profile = Profile::new(&self.device);
+        self.take_times_of_one_in(1)
+    }
+
+    /// Takes the time of every kernel of one frame in `frames`, which is at least 1. Returns whether
+    /// the adapter can.
+    pub fn take_times_of_one_in(&mut self, frames: u32) -> bool {
+        self.profile = Profile::new(&self.device, frames);
         self.profile.is_some()
     }
 
-    /// The kernels of the newest frame in their order, each with the time it took on the device,
-    /// where times are taken. The frame's outcome has to be polled before.
+    /// The kernels of the newest frame in their order, each with the time that it took on the
+    /// device, those of its dispatches that followed each other together, where times are taken. The frame's outcome has to be polled before.
     ///
     /// # Errors
     /// [`EngineError::DeviceFailed`].
@@ -137,6 +153,11 @@ impl Backend for GpuBackend {
 
     fn memory(&self) -> u64 {
         self.arena.memory()
+    }
+
+    fn stage_times(&self) -> Result<Vec<(&'static str, Duration)>, EngineError> {
+        let times = self.kernel_times()?;
+        Ok(times.into_iter().map(|(kernel, time)| (KERNELS[kernel as usize].name, time)).collect())
     }
 
     fn lose(&mut self) {

@@ -42,6 +42,11 @@ pub struct Planner<'a> {
     pub tables: &'a mut Tables,
     /// Snowpacks whose contacts have been evaluated in this frame.
     pub evaluated: &'a mut BTreeSet<Slot>,
+    /// Whether every cycle is a dispatch of its own.
+    pub one_by_one: bool,
+    /// Passes over the lists of due tiles so far. Each second one goes backwards: it begins where
+    /// the one before has ended, with cells that the device's cache still has.
+    pub turns: &'a mut u32,
     /// What has been planned so far.
     pub dispatches: Vec<Dispatch>,
 }
@@ -244,7 +249,7 @@ impl Planner<'_> {
         }
         let wakes = work.iter().any(|work| work.wake);
         if wakes || running_tiles > FEW_TILES {
-            self.scheduled_runs(tile_end, pages);
+            self.scheduled_runs(work, tile_end, pages);
         } else {
             self.listed_runs(residents, work);
         }
@@ -252,19 +257,31 @@ impl Planner<'_> {
     }
 
     /// Tiles without objects, those that are due and awake listed by the device.
-    fn scheduled_runs(&mut self, tile_end: u32, pages: &[u32]) {
+    fn scheduled_runs(&mut self, work: &[Work], tile_end: u32, pages: &[u32]) {
         let pass = Pass { count: tile_end, ..Pass::default() };
         self.dispatch(KernelId::Schedule, 0, pass, tile_end.div_ceil(64));
-        let mut first = pages.len() as u32;
-        for (page, &rows) in (0..).zip(pages) {
-            if rows > 0 {
-                let pass = Pass { first, length: page, cycles: u32::MAX, ..Pass::default() };
-                let pass = self.tables.pass(pass);
-                let kernel = KernelId::Compact;
-                self.dispatches.push(Dispatch { kernel, page, pass, groups: None });
+        let cycles = work.iter().map(|work| work.run.cycles).max().unwrap_or(0);
+        for part in self.parts(cycles) {
+            let backwards = *self.turns % 2;
+            *self.turns = self.turns.wrapping_add(1);
+            let mut first = pages.len() as u32;
+            for (page, &rows) in (0..).zip(pages) {
+                if rows > 0 {
+                    let pass = self.tables.pass(Pass { first, length: page, backwards, ..part });
+                    let kernel = KernelId::Compact;
+                    self.dispatches.push(Dispatch { kernel, page, pass, groups: None });
+                }
+                first += rows;
             }
-            first += rows;
         }
+    }
+
+    /// The parts that a number of cycles is dispatched in: one is enough.
+    fn parts(&self, cycles: u32) -> Vec<Pass> {
+        if self.one_by_one {
+            return (0..cycles).map(|cycle| Pass { cycle, cycles: 1, ..Pass::default() }).collect();
+        }
+        vec![Pass { cycles: u32::MAX, ..Pass::default() }]
     }
 
     /// Tiles without objects, all that are due listed by the host: where they are few, that is
@@ -279,11 +296,15 @@ impl Planner<'_> {
                 }
             }
         }
+        let cycles = work.iter().map(|work| work.run.cycles).max().unwrap_or(0);
+        let parts = self.parts(cycles);
         for (page, tiles) in lists {
             let count = tiles.len() as u32;
             let length = self.list(tiles);
-            let pass = Pass { first: length + 1, length, cycles: u32::MAX, ..Pass::default() };
-            self.dispatch(KernelId::Compact, page, pass, count);
+            for &part in &parts {
+                let pass = Pass { first: length + 1, length, ..part };
+                self.dispatch(KernelId::Compact, page, pass, count);
+            }
         }
     }
 

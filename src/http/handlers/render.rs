@@ -30,7 +30,7 @@ pub struct PngImage(Vec<u8>);
 /// The fixed grid as boxes coloured by a field, the surface, or a vertical cut, with a legend in
 /// units. The graphics device draws it, on a thread of its own, so that no snowpack waits for a
 /// picture. Faces that lie level have the legend's very colour; sides are shaded, unless `shading`
-/// is off. Objects have no height of their own: they are drawn about a third as high as they are wide.
+/// is off. Objects have no height of their own: they are drawn half as high as they are wide.
 /// Choose a part of the columns to look inside.
 #[utoipa::path(
     get,

@@ -21,7 +21,7 @@ pub fn add(scene: &mut Scene, snow: &Snow, cut: bool) {
     for collider in &snow.colliders {
         let bottom = collider.bottom as f32;
         let centre = Vec3::new(collider.position.x as f32, bottom, collider.position.z as f32);
-        let height = height(collider, snow);
+        let height = height(collider);
         let round = matches!(collider.shape, Shape::Disk { .. });
         if round && !cut {
             let inside = (x0..x1).contains(&centre.x) && (z0..z1).contains(&centre.z);
@@ -56,8 +56,9 @@ fn chord(radius: f32, centre: Vec3, extent: Vec3, (x0, z0): (f32, f32)) -> Vec3 
 }
 
 /// How high an object is drawn \[m\]: it has no height of its own.
-fn height(collider: &ColliderView, snow: &Snow) -> f32 {
-    (0.3 * collider.shape.area().sqrt() as f32).max(1.5 * snow.cell_size)
+fn height(collider: &ColliderView) -> f32 {
+    let (half_x, half_z) = collider.shape.half_extents();
+    half_x.min(half_z).max(0.15) as f32
 }
 
 fn cylinder(scene: &mut Scene, bottom: Vec3, radius: f32, height: f32) {

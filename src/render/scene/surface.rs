@@ -1,18 +1,23 @@
 //! The surface of the snow, through the middles of the columns, and what it is cut through at the
 //! edges.
 
+use std::ops::RangeInclusive;
+
 use glam::Vec3;
 
 use crate::render::{Field, Picture, Snow};
 
-use super::{EARTH, MAPPED, SNOW, Scene, Vertex};
+use super::{EARTH, MAPPED, Paint, SNOW, Scene, Vertex};
 
-/// The value of each column's highest snow cell, or its elevation; not a number on bare ground.
+/// Slopes on two sides of a point that differ by more than this make a step rather than a hill.
+const STEP: f32 = 1.5;
+
+/// The value of each column's highest snow cell, not a number on bare ground; or its elevation.
 fn values(field: Field, snow: &Snow) -> Vec<f32> {
     let value = |column| {
         let top = snow.top(column);
         let shown = match field {
-            Field::Position => Some(top).filter(|_| snow.depth[column] > 0.0),
+            Field::Position => Some(top),
             _ => snow.snow_cells(column).last().map(|cell| field.of(cell.sample, top)),
         };
         shown.unwrap_or(f32::NAN)
@@ -28,9 +33,8 @@ pub fn scene(picture: &Picture, snow: &Snow) -> Scene {
     let sheet = Sheet::new(snow);
     for z in 0..sheet.depth {
         for x in 0..sheet.width {
-            let value = values[sheet.column(x, z)];
-            let (value, paint) =
-                if value.is_nan() { (0.0, EARTH) } else { (scene.scale.place(value), MAPPED) };
+            let (value, paint) = sheet.colour(x, z, &values);
+            let value = if value.is_nan() { 0.0 } else { scene.scale.place(value) };
             scene.vertices.push(Vertex {
                 position: sheet.point(x, z, Snow::top).to_array(),
                 value,
@@ -75,6 +79,11 @@ fn walls(scene: &mut Scene, sheet: &Sheet<'_>) {
     }
 }
 
+/// An index and the ones beside it, as far as there are such.
+fn around(index: usize, count: usize) -> RangeInclusive<usize> {
+    index.saturating_sub(1)..=(index + 1).min(count - 1)
+}
+
 /// Points over the middles of the columns, and over the edges of the region.
 struct Sheet<'a> {
     snow: &'a Snow,
@@ -111,13 +120,39 @@ impl Sheet<'_> {
         )
     }
 
-    /// Across the slope between the neighbours.
+    /// A point's value and paint. Bare ground at the foot of a wall of snow has the value of that
+    /// snow, so that the wall is of one colour down to the ground.
+    fn colour(&self, x: usize, z: usize, values: &[f32]) -> (f32, Paint) {
+        let column = self.column(x, z);
+        let paint = if self.snow.depth[column] > 0.0 { MAPPED } else { EARTH };
+        if !values[column].is_nan() {
+            return (values[column], paint);
+        }
+        let (columns, rows) = (around(x, self.width), around(z, self.depth));
+        let beside = rows.flat_map(|z| columns.clone().map(move |x| values[self.column(x, z)]));
+        (beside.fold(f32::NAN, f32::max), paint)
+    }
+
+    /// Across the slope of the surface. Beside a step that is the slope of the level side: the step
+    /// itself is drawn as a wall with sharp edges.
     fn normal(&self, x: usize, z: usize) -> Vec3 {
-        let surface = |x: usize, z: usize| self.point(x, z, Snow::top);
-        let (left, right) = (x.saturating_sub(1), (x + 1).min(self.width - 1));
-        let (back, front) = (z.saturating_sub(1), (z + 1).min(self.depth - 1));
-        let along_x = surface(right, z) - surface(left, z);
-        let along_z = surface(x, front) - surface(x, back);
-        along_z.cross(along_x).normalize_or(Vec3::Y)
+        let here = self.point(x, z, Snow::top);
+        let slope = |before: Vec3, after: Vec3, axis: Vec3| {
+            let rise = |from: Vec3, to: Vec3| (to.y - from.y) / (to - from).dot(axis);
+            match (before == here, after == here) {
+                (false, false) => {
+                    let (low, high) = (rise(before, here), rise(here, after));
+                    let level = if low.abs() < high.abs() { low } else { high };
+                    if (high - low).abs() > STEP { level } else { rise(before, after) }
+                }
+                (true, _) => rise(here, after),
+                (_, true) => rise(before, here),
+            }
+        };
+        let (columns, rows) = (around(x, self.width), around(z, self.depth));
+        let beside = |x: usize, z: usize| self.point(x, z, Snow::top);
+        let along_x = slope(beside(*columns.start(), z), beside(*columns.end(), z), Vec3::X);
+        let along_z = slope(beside(x, *rows.start()), beside(x, *rows.end()), Vec3::Z);
+        Vec3::new(-along_x, 1.0, -along_z).normalize()
     }
 }

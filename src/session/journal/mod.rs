@@ -7,6 +7,7 @@
 //! fails, and when they wake. The store itself is read only once, at the start.
 
 mod entry;
+mod handle;
 mod image;
 mod log;
 mod meter;
@@ -14,11 +15,11 @@ mod replay;
 mod writer;
 
 pub(super) use entry::{Checkpoint, Entry, Event, Identity, Mark};
+pub(super) use handle::{Feedback, Journal};
 pub(super) use image::{Record, Stored, Submission, assemble};
 pub(super) use log::{Left, Log, Taken};
 pub use meter::StoreVitals;
 pub(super) use replay::Replay;
-pub(super) use writer::{Feedback, Journal};
 
 use super::error::SessionError;
 

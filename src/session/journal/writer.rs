@@ -6,22 +6,22 @@
 //! again, changes are refused and everything else goes on.
 
 use std::collections::{BTreeSet, HashMap, VecDeque};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{self, RecvTimeoutError};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc::WeakSender;
-use tracing::{error, info, warn};
+use tracing::{error, info};
 
 use crate::session::error::SessionError;
 use crate::session::message::Message;
-use crate::session::once::{Answered, Done};
+use crate::session::once::Done;
 use crate::store::{Kind, Row, Store, StoreError, Write};
 
-use super::image::{Image, Stored, Submission};
-use super::{Ack, Checkpoint, Mark, Record, StoreVitals, Taken};
+use super::handle::{Feedback, Shared, Task, lock, refuse, unstorable};
+use super::image::Submission;
+use super::{Mark, Record};
 
 /// Time between two attempts to write to a store that failed.
 const RETRY: Duration = Duration::from_millis(250);
@@ -32,231 +32,7 @@ const MARKS_WAIT: Duration = Duration::from_millis(250);
 /// Submissions in one commit, about.
 const LARGEST_BATCH: usize = 16_384;
 
-/// Submissions that may wait; beyond them changes are refused.
-const LONGEST_BACKLOG: usize = 65_536;
-
-/// What the world is told.
-pub(crate) enum Feedback {
-    /// Something of these sessions was not made durable: they have to go back to what is. Then
-    /// whoever waits is refused.
-    Undo { keys: Vec<u64>, refused: Vec<Ack>, why: SessionError },
-    /// What came of a checkpoint.
-    Checkpoint { key: u64, generation: u64, stored: bool },
-    /// Whether a session is no longer stored.
-    Deleted { key: u64, result: Result<(), SessionError> },
-}
-
-enum Task {
-    Commit(Vec<Submission>),
-    Flush(mpsc::Sender<()>),
-}
-
-struct Job {
-    key: u64,
-    generation: u64,
-    base: u64,
-    taken: Box<Taken>,
-}
-
-/// What the threads and the world share.
-struct Shared {
-    image: Mutex<Image>,
-    /// Why the store can't be written to.
-    failure: Mutex<Option<StoreError>>,
-    backlog: AtomicUsize,
-    answered: Arc<Answered>,
-    vitals: Arc<StoreVitals>,
-}
-
-/// The world's end of the journal.
-pub(crate) struct Journal {
-    tasks: Option<mpsc::Sender<Task>>,
-    jobs: Option<mpsc::Sender<Job>>,
-    feedback: mpsc::Receiver<Feedback>,
-    shared: Arc<Shared>,
-    threads: Vec<JoinHandle<()>>,
-    /// What this frame has left.
-    frame: Vec<Submission>,
-    /// Whether what is committed outlives the process.
-    pub durable: bool,
-}
-
-impl Journal {
-    /// Starts the threads. `nudge` is woken when there is something to be told.
-    ///
-    /// # Errors
-    /// Where the operating system refuses a thread.
-    pub fn start(
-        store: Box<dyn Store>,
-        image: Image,
-        answered: Arc<Answered>,
-        vitals: Arc<StoreVitals>,
-        nudge: WeakSender<Message>,
-    ) -> std::io::Result<Journal> {
-        let durable = store.is_durable();
-        let mut ages: Vec<(u64, Arc<Done>)> = Vec::new();
-        for (&key, stored) in &image {
-            ages.extend(stored.done.iter().map(|done| (key, done.clone())));
-        }
-        ages.sort_by_key(|(_, done)| done.at);
-        ages.iter().for_each(|(_, done)| answered.note(done.clone()));
-        let shared = Arc::new(Shared {
-            answered,
-            vitals,
-            image: Mutex::new(image),
-            failure: Mutex::new(None),
-            backlog: AtomicUsize::new(0),
-        });
-        let (tasks, incoming) = mpsc::channel();
-        let (tell, feedback) = mpsc::channel();
-        let (jobs, to_encode) = mpsc::channel();
-        let writer = Writer {
-            store,
-            durable,
-            incoming,
-            tell,
-            nudge,
-            shared: shared.clone(),
-            waiting: Vec::new(),
-            last_commit: Instant::now(),
-            spoiled: BTreeSet::new(),
-            late: HashMap::new(),
-            ages: ages.into(),
-            next_attempt: Instant::now(),
-        };
-        let encoded = tasks.clone();
-        let counted = shared.clone();
-        let threads = vec![
-            spawn("store", move || writer.run())?,
-            spawn("checkpoints", move || encode(&to_encode, &encoded, &counted))?,
-        ];
-        Ok(Journal {
-            tasks: Some(tasks),
-            jobs: Some(jobs),
-            feedback,
-            shared,
-            threads,
-            frame: Vec::new(),
-            durable,
-        })
-    }
-
-    /// Adds to what this frame has left.
-    pub fn add(&mut self, submission: Submission) {
-        self.frame.push(submission);
-    }
-
-    /// Hands over what this frame has left, to be committed together.
-    pub fn send(&mut self) {
-        if self.frame.is_empty() {
-            return;
-        }
-        let frame = std::mem::take(&mut self.frame);
-        self.shared.backlog.fetch_add(frame.len(), Ordering::Relaxed);
-        if let Some(tasks) = &self.tasks
-            && let Err(mpsc::SendError(Task::Commit(frame))) = tasks.send(Task::Commit(frame))
-        {
-            refuse_all(frame, &stopped());
-        }
-    }
-
-    /// Gives up what this frame has left.
-    pub fn abandon(&mut self, why: &SessionError) {
-        refuse_all(std::mem::take(&mut self.frame), why);
-    }
-
-    /// Hands over a snapshot, to be made a checkpoint that holds all entries below `base`.
-    pub fn checkpoint(&self, key: u64, generation: u64, base: u64, taken: Box<Taken>) {
-        if let Some(jobs) = &self.jobs {
-            // The thread ends after this.
-            let _ = jobs.send(Job { key, generation, base, taken });
-        }
-    }
-
-    /// Waits until everything handed over so far is durable or refused.
-    pub fn flush(&mut self) {
-        self.send();
-        let (done, wait) = mpsc::channel();
-        if let Some(tasks) = &self.tasks
-            && tasks.send(Task::Flush(done)).is_ok()
-        {
-            // An error means that the thread has ended.
-            let _ = wait.recv();
-        }
-    }
-
-    /// What the world is to be told, if anything.
-    pub fn told(&self) -> Option<Feedback> {
-        self.feedback.try_recv().ok()
-    }
-
-    /// Waits for what the world is to be told.
-    pub fn wait(&self, patience: Duration) -> Option<Feedback> {
-        self.feedback.recv_timeout(patience).ok()
-    }
-
-    /// What is durable of a session, for a new life of it: what the old one submitted is void.
-    pub fn new_life(&self, key: u64) -> Option<Stored> {
-        let mut image = lock(&self.shared.image);
-        let stored = image.get_mut(&key)?;
-        stored.generation += 1;
-        Some(stored.clone())
-    }
-
-    /// The life that a session is in.
-    pub fn generation(&self, key: u64) -> u64 {
-        lock(&self.shared.image).get(&key).map_or(0, |stored| stored.generation)
-    }
-
-    /// Why changes can't be taken now, if they can't.
-    pub fn refusal(&self) -> Option<SessionError> {
-        if let Some(failure) = &*lock(&self.shared.failure) {
-            return Some(unstorable(failure));
-        }
-        let backlog = self.shared.backlog.load(Ordering::Relaxed);
-        (backlog > LONGEST_BACKLOG).then(|| {
-            SessionError::Unavailable(format!("{backlog} changes wait for the disk already"))
-        })
-    }
-
-    /// Commits what has been handed over, and ends the threads.
-    pub fn stop(&mut self) {
-        self.send();
-        self.jobs = None;
-        self.tasks = None;
-        for thread in self.threads.drain(..) {
-            if thread.join().is_err() {
-                error!("a thread of the store panicked");
-            }
-        }
-    }
-}
-
-fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> std::io::Result<JoinHandle<()>> {
-    std::thread::Builder::new().name(name.to_owned()).spawn(run)
-}
-
-/// Makes checkpoints of snapshots until there will be no more.
-fn encode(jobs: &mpsc::Receiver<Job>, tasks: &mpsc::Sender<Task>, shared: &Shared) {
-    while let Ok(Job { key, generation, base, taken }) = jobs.recv() {
-        let records = match taken.snapshot.encode() {
-            Ok(snapshot) => {
-                let Taken { seq, versions, .. } = *taken;
-                vec![Record::Checkpoint(Arc::new(Checkpoint { base, seq, versions, snapshot }))]
-            }
-            Err(failure) => {
-                warn!("a checkpoint could not be made: {failure}");
-                Vec::new()
-            }
-        };
-        let submission = Submission { key, generation, records, acks: Vec::new() };
-        shared.backlog.fetch_add(1, Ordering::Relaxed);
-        // Nobody is left to take it where this fails.
-        let _ = tasks.send(Task::Commit(vec![submission]));
-    }
-}
-
-struct Writer {
+pub(super) struct Writer {
     store: Box<dyn Store>,
     durable: bool,
     incoming: mpsc::Receiver<Task>,
@@ -276,7 +52,34 @@ struct Writer {
 }
 
 impl Writer {
-    fn run(mut self) {
+    /// A writer that notes what it does in `shared`; `ages` are the requests with a key that are
+    /// stored, the oldest first.
+    pub fn new(
+        store: Box<dyn Store>,
+        shared: Arc<Shared>,
+        ages: Vec<(u64, Arc<Done>)>,
+        incoming: mpsc::Receiver<Task>,
+        tell: mpsc::Sender<Feedback>,
+        nudge: WeakSender<Message>,
+    ) -> Writer {
+        Writer {
+            durable: store.is_durable(),
+            store,
+            incoming,
+            tell,
+            nudge,
+            shared,
+            waiting: Vec::new(),
+            last_commit: Instant::now(),
+            spoiled: BTreeSet::new(),
+            late: HashMap::new(),
+            ages: ages.into(),
+            next_attempt: Instant::now(),
+        }
+    }
+
+    /// Commits what it is handed until there will be no more.
+    pub fn run(mut self) {
         let mut ended = false;
         while !ended {
             let mut batch = std::mem::take(&mut self.waiting);
@@ -526,28 +329,4 @@ impl Writer {
             let _ = world.try_send(Message::Nudge);
         }
     }
-}
-
-fn refuse(acks: Vec<Ack>, why: &SessionError) {
-    acks.into_iter().for_each(|ack| ack(Err(why.clone())));
-}
-
-fn refuse_all(batch: Vec<Submission>, why: &SessionError) {
-    batch.into_iter().for_each(|submission| refuse(submission.acks, why));
-}
-
-fn unstorable(failure: &StoreError) -> SessionError {
-    SessionError::StorageFailed(format!(
-        "the change was not made: it can't be stored ({failure}); it can be tried again once the \
-         data directory can be written to and has room"
-    ))
-}
-
-fn stopped() -> SessionError {
-    SessionError::Unavailable("the engine has stopped".to_owned())
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Only whole submissions are entered: one left by a panic is still sound.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

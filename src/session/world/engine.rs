@@ -189,6 +189,7 @@ impl Engine {
             time.published_tiles = outcome.published.count();
             concluded = conclude(part, outcome, time.backend);
             self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
+            self.vitals.note_stages(&self.backend.stage_times()?);
         }
         for done in concluded {
             match done.left {

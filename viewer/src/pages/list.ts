@@ -18,7 +18,11 @@ export function listPage(): Page {
   const facts = h("p", { class: "facts" });
   const notice = h("p", { class: "notice", role: "status" });
   const list = h("ul", { class: "sessions" });
-  const state = { closed: false, timer: 0, asking: false };
+  const enter = async () => {
+    if (await askForToken(notice.textContent ?? "")) refresh();
+  };
+  const enterButton = h("button", { type: "button", hidden: true, click: enter }, "Enter a token");
+  const state = { closed: false, timer: 0, asked: false };
 
   const refresh = async (): Promise<void> => {
     clearTimeout(state.timer);
@@ -27,17 +31,22 @@ export function listPage(): Page {
       if (state.closed) return;
       facts.textContent = tell(readiness);
       show(list, page.items, report, refresh);
-      notice.textContent = page.next_cursor ? `These are the first ${MOST} sessions.` : empty(page.items);
+      tellBelow(page.next_cursor ? `These are the first ${MOST} sessions.` : empty(page.items), false);
     } catch (error) {
       await report(error);
     }
     if (!state.closed) state.timer = window.setTimeout(refresh, document.hidden ? 5 * REFRESH : REFRESH);
   };
   const report = async (error: unknown): Promise<void> => {
-    notice.textContent = explain(error);
-    if (!wantsToken(error) || state.asking || state.closed) return;
-    state.asking = true;
-    if (await askForToken(explain(error))) refresh();
+    if (state.closed) return;
+    tellBelow(explain(error), wantsToken(error));
+    if (!wantsToken(error) || state.asked) return;
+    state.asked = true;
+    await enter();
+  };
+  const tellBelow = (text: string, token: boolean): void => {
+    notice.textContent = text;
+    enterButton.hidden = !token;
   };
 
   const create = h("button", { type: "button", class: "primary", click: () => createDialog() }, "New session");
@@ -47,6 +56,7 @@ export function listPage(): Page {
     h("header", {}, h("h1", {}, "Firn"), h("p", {}, "Snowpacks, live"), create),
     list,
     notice,
+    h("p", {}, enterButton),
     h("footer", {}, facts, h("p", {}, h("a", { href: "/docs" }, "API reference"))),
   );
   refresh();

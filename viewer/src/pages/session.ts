@@ -41,7 +41,8 @@ function livePage(model: Model, view: SessionView): Page {
     clearTimeout(fading);
     fading = window.setTimeout(() => message.replaceChildren(), MESSAGE);
   };
-  const report = (error: unknown) => say(explain(error));
+  // Who may only look is asked for a token that may do more.
+  const report = (error: unknown) => (wantsToken(error) ? void enterToken(explain(error)) : say(explain(error)));
   const mover = new Mover(model, report);
   pictures.problem.watch((error) => error !== null && report(error));
 

@@ -1,7 +1,8 @@
-// The objects on the snow. They have no height of their own: they are drawn a third as high as they are wide.
+// The objects on the snow. They have no height of their own: they are drawn half as high as they are wide.
 
 import type { Collider } from "firn-client";
 import { BoxGeometry, CylinderGeometry, DataTexture, Group } from "three";
+import type { Plane } from "./cubes.ts";
 import type { Blocker } from "./relief.ts";
 import { type Solid, Solids } from "./solids.ts";
 
@@ -13,7 +14,7 @@ const NEAR = 0.001;
 /** Extent of a body along x, y and z [m]. */
 export function extentOf({ shape }: Pick<Collider, "shape">): [number, number, number] {
   const [width, depth] = shape.type === "box" ? [shape.width, shape.depth] : [2 * shape.radius, 2 * shape.radius];
-  return [width, Math.max(0.15, Math.min(width, depth) / 3), depth];
+  return [width, Math.max(0.15, Math.min(width, depth) / 2), depth];
 }
 
 interface Body {
@@ -30,6 +31,7 @@ export class Bodies {
   private bodies = new Map<string, Body>();
   private readonly base: number;
   private chosen: string | null = null;
+  private plane: Plane | null = null;
 
   /** `base` is the elevation [m] that is drawn at 0. */
   constructor(base: number) {
@@ -53,6 +55,12 @@ export class Bodies {
   /** Marks one of them. */
   choose(id: string | null): void {
     this.chosen = id;
+    this.draw();
+  }
+
+  /** Hides those whose middle lies beyond a plane. */
+  cut(plane: Plane | null): void {
+    this.plane = plane;
     this.draw();
   }
 
@@ -81,9 +89,9 @@ export class Bodies {
     });
   }
 
-  /** All of them, as they are drawn: the lowest and the highest corner of each. */
+  /** Those that are shown, as they are drawn: the lowest and the highest corner of each. */
   *boxesAround(): Generator<{ collider: Collider; low: number[]; high: number[] }> {
-    for (const { collider, at } of this.bodies.values()) {
+    for (const { collider, at } of this.shown()) {
       const [width, height, depth] = extentOf(collider);
       const [x, y, z] = at;
       yield {
@@ -94,13 +102,18 @@ export class Bodies {
     }
   }
 
+  private *shown(): Generator<Body> {
+    const { plane } = this;
+    for (const body of this.bodies.values()) if (!plane || (body.at[plane.axis] as number) < plane.place) yield body;
+  }
+
   private goal({ position, bottom }: Collider): [number, number, number] {
     return [position.x, bottom - this.base, position.z];
   }
 
   private draw(): void {
     const [boxes, disks]: [Solid[], Solid[]] = [[], []];
-    for (const { collider, at } of this.bodies.values()) {
+    for (const { collider, at } of this.shown()) {
       const extent = extentOf(collider);
       const centre = [at[0], at[1] + extent[1] / 2, at[2]] as const;
       const solids = collider.shape.type === "box" ? boxes : disks;

@@ -7,6 +7,14 @@ import type { Picture } from "../session/picture.ts";
 import { GROUND, type Solid, Solids, WHITE } from "./solids.ts";
 import { mapTexture, onScale } from "./tint.ts";
 
+const AXES = ["x", "y", "z"];
+
+/** A plane across an axis (x, y and z are 0, 1 and 2) at a place on it [m]; what lies beyond is hidden. */
+export interface Plane {
+  axis: number;
+  place: number;
+}
+
 /** The cubes. */
 export class Cubes {
   readonly solids = new Solids(new BoxGeometry(1, 1, 1), true);
@@ -21,14 +29,22 @@ export class Cubes {
     this.solids.map = white;
   }
 
-  /** Shows a picture up to a cut. */
-  show(picture: Picture, cut: Cut | null): void {
+  /** Shows a picture up to a plane. */
+  show(picture: Picture, plane: Plane | null): void {
     if (picture.field) {
       this.map?.dispose();
       this.map = mapTexture(picture.field);
       this.solids.map = this.map;
     }
-    this.solids.show([...this.visible(picture, inside(picture.cells, cut))]);
+    this.solids.show([...this.visible(picture, this.before(picture.cells, plane))]);
+  }
+
+  /** Which cells lie on the side of a plane that is shown. */
+  private before({ origin }: Cells, plane: Plane | null): (x: number, y: number, z: number) => boolean {
+    if (!plane) return () => true;
+    const first = [origin.column_x, origin.cell_y, origin.column_z][plane.axis] as number;
+    const end = plane.place / this.size - first - 0.5;
+    return (...cell) => (cell[plane.axis] as number) < end;
   }
 
   private *visible(picture: Picture, shown: (x: number, y: number, z: number) => boolean): Generator<Solid> {
@@ -69,13 +85,12 @@ export class Cubes {
   }
 }
 
-/** Which cells lie on the side of a cut that is shown. */
-function inside(cells: Cells, cut: Cut | null): (x: number, y: number, z: number) => boolean {
-  if (!cut) return () => true;
-  const last = (count: number) => Math.max(1, Math.round(cut.at * count)) - 1;
-  if (cut.axis === "x") return (x) => x <= last(cells.width);
-  if (cut.axis === "y") return (_x, y) => y <= last(cells.height);
-  return (_x, _y, z) => z <= last(cells.depth);
+/** Where a cut goes through some cells of a size [m]: between two layers of them. */
+export function planeOf({ origin, width, height, depth }: Cells, { axis, at }: Cut, size: number): Plane {
+  const number = AXES.indexOf(axis);
+  const first = [origin.column_x, origin.cell_y, origin.column_z][number] as number;
+  const shown = Math.max(1, Math.round(at * ([width, height, depth][number] as number)));
+  return { axis: number, place: (first + shown) * size };
 }
 
 /** The topmost snow's value of each column. */

@@ -165,9 +165,12 @@ export class Stage {
     if (clientWidth === 0 || clientHeight === 0) return;
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.camera.aspect = clientWidth / clientHeight;
-    // On narrow screens there is no room beside it.
-    const shift = clientWidth > 1.8 * this.covered ? this.covered / 2 : 0;
-    this.camera.setViewOffset(clientWidth, clientHeight, -shift, 0, clientWidth, clientHeight);
+    // On narrow screens there is no room beside what covers it.
+    const covered = clientWidth > 1.8 * this.covered ? this.covered : 0;
+    // What was in the middle moves to the middle of what is free, smaller where that is narrow.
+    const smaller = Math.max(1, Math.min(clientWidth, clientHeight) / (clientWidth - covered));
+    const [left, top] = [(clientWidth - smaller * (clientWidth + covered)) / 2, (clientHeight * (1 - smaller)) / 2];
+    this.camera.setViewOffset(clientWidth, clientHeight, left, top, smaller * clientWidth, smaller * clientHeight);
     this.camera.updateProjectionMatrix();
     this.redraw();
   }

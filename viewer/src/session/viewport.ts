@@ -3,7 +3,7 @@
 import type { HeightField } from "firn-client";
 import { BoxGeometry, Mesh, MeshBasicMaterial, Vector3 } from "three";
 import { Bodies } from "../scene/bodies.ts";
-import { Cubes, topValues } from "../scene/cubes.ts";
+import { Cubes, planeOf, topValues } from "../scene/cubes.ts";
 import { meetBox, meetSurface, type Ray } from "../scene/ray.ts";
 import { groundAt } from "../scene/relief.ts";
 import { Stage } from "../scene/scene.ts";
@@ -165,7 +165,10 @@ export class Viewport {
     this.stale.cubes = false;
     const picture = this.pictures.picture.get();
     const asCubes = this.look.shape.get() === "cells" && picture !== null;
-    if (asCubes) this.cubes.show(picture, this.look.cut.get());
+    const cut = asCubes ? this.look.cut.get() : null;
+    const plane = cut && picture ? planeOf(picture.cells, cut, this.model.grid.cell_size) : null;
+    if (asCubes) this.cubes.show(picture, plane);
+    this.bodies.cut(plane);
     this.cubes.solids.mesh.visible = asCubes;
     this.surface.group.visible = !asCubes;
     this.nearby.group.visible = !asCubes;
