@@ -32,11 +32,12 @@ const PUBLISH_RATE: f64 = 20.0;
 /// Open files that are needed beside one per connection.
 const OTHER_FILES: u64 = 64;
 
-/// Part of the drain timeout that is kept for saving sessions.
-const SAVING: f64 = 0.4;
 /// Of so many frames the stages of one are timed on the device: about one a second. It divides
 /// neither the publications' beat nor the usual tick rates', so that each kind of frame has its turn.
 const TIMED_FRAME: u32 = 61;
+
+/// Part of the drain timeout that is kept for saving sessions.
+const SAVING: f64 = 0.4;
 
 /// Shown below the flags.
 pub const EXAMPLES: &str = "\
@@ -147,23 +148,19 @@ async fn serve(
     gate: Gate,
 ) -> (Result<(), Failure>, Instant) {
     // From before anybody is told that there is a server: who starts it may stop it at once.
-    let signals = Signals::new()
-        .map_err(|error| Failure::Failed(format!("taking signals: {error}")))
-        .and_then(|signals| introduce(options, &listener, &sessions, &gate).map(|()| signals));
-    let signals = match signals {
+    let signals = match Signals::new() {
         Ok(signals) => signals,
-        Err(failure) => return (Err(failure), Instant::now()),
+        Err(error) => {
+            return (Err(Failure::Failed(format!("taking signals: {error}"))), Instant::now());
+        }
     };
+    if let Err(failure) = introduce(options, &listener, &sessions, &gate) {
+        return (Err(failure), Instant::now());
+    }
     let shutdown = CancellationToken::new();
     let signals = tokio::spawn(stop_on_signal(signals, shutdown.clone()));
     if options.demo {
-        let demo = make_demo(sessions.clone());
-        // Who asks first finds it, unless other sessions have to be brought back before.
-        if sessions.vitals().is_recovered() {
-            demo.await;
-        } else {
-            tokio::spawn(demo);
-        }
+        tokio::spawn(make_demo(sessions.clone()));
     }
     let app = App::new(sessions.clone(), options.requests, options.stream, gate);
     let patience = options.store.drain_timeout;

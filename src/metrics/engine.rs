@@ -21,7 +21,7 @@ impl Collector for EngineCollector {
         held(&mut write, &self.0)?;
         frames(&mut write, self.0.vitals())?;
         stages(&mut write, &self.0.vitals().stage_times())?;
-        store(&mut write, &self.0.vitals().store)
+        stored(&mut write, &self.0.vitals().store)
     }
 }
 
@@ -70,18 +70,17 @@ fn stages(write: &mut Writer, times: &StageTimes) -> fmt::Result {
     Ok(())
 }
 
-/// What makes changes last.
-fn store(write: &mut Writer, store: &StoreVitals) -> fmt::Result {
-    let seconds = Some(&Unit::Seconds);
+/// What is kept.
+fn stored(write: &mut Writer, store: &StoreVitals) -> fmt::Result {
     let help = "1 while changes can be stored, else 0";
     write.gauge("store_healthy", help, None, u64::from(store.is_healthy()))?;
     let help = "Time that commits took until they were on disk";
-    write.write("store_commit_duration", help, seconds, store.commits())?;
+    write.write("store_commit_duration", help, Some(&Unit::Seconds), store.commits())?;
     write.counter("store_checkpoints", "Checkpoints stored", None, store.checkpoints())?;
     let help = "Bytes of the checkpoints stored, compressed";
     write.counter("store_checkpoint", help, Some(&Unit::Bytes), store.checkpoint_bytes())?;
     let help = "Time that bringing sessions back took at the start";
-    write.gauge("store_recovery", help, seconds, store.recovery().as_secs_f64())?;
+    write.gauge("store_recovery", help, Some(&Unit::Seconds), store.recovery().as_secs_f64())?;
     let help = "Sessions that could not be brought back at the start";
     write.gauge("store_lost_sessions", help, None, store.lost_sessions())
 }

@@ -308,17 +308,17 @@ impl Session {
         }
     }
 
+    /// Device memory that its cells take \[bytes\]: none while it hibernates.
+    pub(super) fn device_memory(&self) -> u64 {
+        if self.hibernating.load(Ordering::Relaxed) { 0 } else { cell_bytes(&self.spec.grid) }
+    }
+
     fn state(&self, paused: bool) -> State {
         match (self.hibernating.load(Ordering::Relaxed), paused) {
             (true, _) => State::Hibernating,
             (false, true) => State::Paused,
             (false, false) => State::Running,
         }
-    }
-
-    /// Device memory that its cells take \[bytes\].
-    pub(super) fn device_memory(&self) -> u64 {
-        if self.hibernating.load(Ordering::Relaxed) { 0 } else { cell_bytes(&self.spec.grid) }
     }
 
     /// Applies a change in the next frame, and returns when it is durable and the next read sees it.
