@@ -1,10 +1,10 @@
 # A server that runs with and without a GPU. Build: docker build --tag firn .
 
 FROM node:24-bookworm-slim AS viewer
-WORKDIR /src
-COPY clients/typescript clients/typescript
-COPY viewer viewer
-RUN cd viewer && npm ci && npm run build
+WORKDIR /src/viewer
+COPY clients/typescript ../clients/typescript
+COPY viewer .
+RUN npm ci && npm run build
 
 FROM rust:1.95-bookworm AS build
 WORKDIR /src
@@ -18,6 +18,8 @@ RUN --mount=type=cache,target=/usr/local/cargo/registry \
 FROM debian:bookworm-slim
 # mesa-vulkan-drivers: AMD, Intel and lavapipe, which computes on any CPU.
 # libglvnd0, libxext6: what NVIDIA's driver, which its container toolkit brings along, links to. curl: for the health check.
+# No versions: drivers are taken as the distribution corrects them.
+# hadolint ignore=DL3008
 RUN apt-get update \
     && apt-get install --yes --no-install-recommends \
         curl libglvnd0 libvulkan1 libxext6 mesa-vulkan-drivers \

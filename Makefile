@@ -8,7 +8,7 @@ ARGS ?=
 export NODEVICE_SELECT := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help serve test fuzz-api deny viewer test-viewer test-python test-unity driver build fmt lint lint-api openapi \
+.PHONY: help serve test fuzz-api deny viewer test-viewer test-python test-unity driver build fmt lint lint-api lint-deploy openapi \
 	configuration clean
 
 help: ## list these commands
@@ -44,7 +44,12 @@ test: $(if $(filter 1,$(FIRN_SKIP_GPU_TESTS)),,driver) lint ## make sure there i
 	else set -x; \
 		$(CARGO) test --locked --no-fail-fast; \
 	fi
+	$(CARGO) build --locked
 	scripts/fuzz-api 30
+	scripts/lint-api
+	scripts/lint-deploy
+	scripts/test-python
+	scripts/test-unity
 ifeq ($(FIRN_SKIP_VIEWER_TESTS),1)
 	@echo "SKIPPED: the tests of the viewer and of the TypeScript client, by FIRN_SKIP_VIEWER_TESTS=1"
 else
@@ -86,6 +91,9 @@ test-python: ## test the Python client and the stream's published contract again
 test-unity: ## test the client for Unity, compiled by Mono
 	$(CARGO) build --locked
 	scripts/test-unity
+
+lint-deploy: ## check the Dockerfile, compose.yaml and deploy/ with the linters of their formats
+	scripts/lint-deploy
 
 lint-api: ## check api/openapi.json and api/asyncapi.yaml with the linters of their formats
 	scripts/lint-api

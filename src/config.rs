@@ -1,6 +1,7 @@
 //! Configuration: one struct per concern, each field a flag with its environment variable.
 
 mod access;
+mod log;
 
 use std::net::SocketAddr;
 use std::num::NonZeroU32;
@@ -12,12 +13,19 @@ use clap::{Args, ValueEnum};
 use crate::session::Limits;
 
 pub use access::{AccessConfig, ApiKey, ConnectionConfig};
+pub use log::{LogConfig, LogFormat};
 
 /// Where the server listens.
 #[derive(Args, Clone, Debug)]
 pub struct ListenConfig {
     /// Address and port to listen on; port 0 takes a free one.
-    #[arg(long, env = "FIRN_LISTEN", default_value = "127.0.0.1:8080", value_name = "ADDRESS")]
+    #[arg(
+        long,
+        env = "FIRN_LISTEN",
+        default_value = "127.0.0.1:8080",
+        value_parser = parse_address,
+        value_name = "ADDRESS"
+    )]
     pub listen: SocketAddr,
 
     /// Allow an address that other machines can reach without an API key, although everybody who
@@ -157,17 +165,9 @@ pub enum BackendChoice {
     Cpu,
 }
 
-/// What the log says.
-#[derive(Args, Clone, Debug)]
-pub struct LogConfig {
-    /// What is logged to standard error: a level, or levels for parts, as in `info,firn=debug`.
-    #[arg(
-        long,
-        env = "FIRN_LOG",
-        default_value = "info,wgpu_core=warn,wgpu_hal=error,naga=warn",
-        value_name = "FILTER"
-    )]
-    pub log: String,
+fn parse_address(text: &str) -> Result<SocketAddr, String> {
+    let expected = "expected a numeric address and a port, as in 127.0.0.1:8080 or [::1]:8080";
+    text.parse().map_err(|_| expected.to_owned())
 }
 
 fn parse_bytes_here(text: &str) -> Result<usize, String> {

@@ -20,3 +20,4 @@ pub mod render;
 pub mod session;
 pub mod snow;
 pub mod stream;
+pub mod telemetry;

@@ -1,14 +1,13 @@
 //! `firn bench`: what snow costs on this machine's device.
 
-use std::io::{ErrorKind, Write};
 use std::time::Duration;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use tracing_subscriber::EnvFilter;
 
 use crate::bench::{self, Case, Plan, Report};
 use crate::config::BackendChoice;
+use crate::telemetry;
 
 use super::Failure;
 
@@ -28,9 +27,6 @@ Examples:
   firn bench                                everything, at full size: wants a data-centre GPU
   firn bench --scale 0.004 --samples 20     for a software driver or a small GPU
   firn bench session session-thesis --json";
-
-/// What is logged: nothing but what goes wrong.
-const LOG: &str = "warn,wgpu_core=warn,wgpu_hal=error,naga=warn";
 
 /// Options of `firn bench`.
 #[derive(Args, Clone, Debug)]
@@ -65,12 +61,7 @@ fn parse_scale(text: &str) -> Result<f64, String> {
 /// # Errors
 /// [`Failure::Failed`] where the device can't be used or does not hold what is asked for.
 pub fn run(options: &Options) -> Result<(), Failure> {
-    // There is a log already where a test calls this twice.
-    let _ = tracing_subscriber::fmt()
-        .with_env_filter(EnvFilter::new(LOG))
-        .with_writer(std::io::stderr)
-        .with_target(false)
-        .try_init();
+    telemetry::log_what_goes_wrong();
     let plan = Plan {
         cases: options.cases.clone(),
         scale: options.scale,
@@ -101,11 +92,5 @@ fn print(report: &Report, json: bool) -> Result<(), Failure> {
     } else {
         report.to_string()
     };
-    match writeln!(std::io::stdout(), "{}", text.trim_end()) {
-        // Whoever reads it may have seen enough.
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Failure::Failed(format!("standard output: {error}")))
-        }
-        _ => Ok(()),
-    }
+    super::print(format!("{}\n", text.trim_end()).as_bytes())
 }

@@ -8,15 +8,14 @@ use super::{Cli, Failure};
 pub fn table() -> String {
     let program = Cli::command();
     let serve = program.find_subcommand("serve").expect("there is `firn serve`");
-    let rows = serve.get_arguments().filter(|option| option.get_long() != Some("help")).map(row);
+    let rows = serve.get_arguments().filter(|option| option.get_env().is_some()).map(row);
     let head = "| option | environment | default | meaning |\n|---|---|---|---|\n";
     head.to_owned() + &rows.collect::<String>()
 }
 
 /// Prints the table.
 pub fn run() -> Result<(), Failure> {
-    print!("{}", table());
-    Ok(())
+    super::print(table().as_bytes())
 }
 
 fn row(option: &Arg) -> String {

@@ -1,17 +1,16 @@
 //! `firn experiment`: repeats the thesis's experiments.
 
-use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
-use tracing_subscriber::EnvFilter;
 
 use crate::config::{BackendChoice, EngineConfig};
 use crate::experiment::{self, Experiment, SIDE};
 use crate::session::{Limits, Sessions, World, WorldConfig};
+use crate::telemetry;
 
-use super::{Failure, open_backend};
+use super::{Failure, open_backend, print};
 
 /// Shown below the flags.
 pub const EXAMPLES: &str = "\
@@ -19,9 +18,6 @@ Examples:
   firn experiment all                      every experiment, into the directory 'experiments'
   firn experiment 3 --out /tmp/weak        the one with the weak layer
   firn experiment 1a --backend cpu         without a graphics device";
-
-/// What is logged: nothing but what goes wrong.
-const LOG: &str = "warn,wgpu_core=warn,wgpu_hal=error,naga=warn";
 
 /// Options of `firn experiment`.
 #[derive(Args, Clone, Debug)]
@@ -79,12 +75,7 @@ impl Choice {
 /// [`Failure::Failed`] where the device or the directory can't be used, and where a result is not
 /// what it should be.
 pub fn run(options: &Options) -> Result<(), Failure> {
-    // There is a log already where a test calls this twice.
-    let _ = tracing_subscriber::fmt()
-        .with_env_filter(EnvFilter::new(LOG))
-        .with_writer(std::io::stderr)
-        .with_target(false)
-        .try_init();
+    telemetry::log_what_goes_wrong();
     let engine = EngineConfig { backend: options.backend, device_memory: None, ephemeral: true };
     let backend = open_backend(&engine).map_err(|error| Failure::Failed(error.to_string()))?;
     let failed = |what: &str, error: std::io::Error| Failure::Failed(format!("{what}: {error}"));
@@ -116,8 +107,10 @@ fn verdict(deviations: &[String]) -> Result<(), Failure> {
 /// Carries the experiments out; returns what deviates.
 async fn carry_out(options: &Options, sessions: &Sessions) -> Result<Vec<String>, Failure> {
     let failed = |error: experiment::ExperimentError| Failure::Failed(error.to_string());
+    // An experiment takes its time: what can't be written should show before.
+    experiment::make_directory(&options.out).map_err(failed)?;
     let device = sessions.device();
-    print(&format!("Computed by {} ({}).\n", device.adapter, device.backend))?;
+    print(format!("Computed by {} ({}).\n", device.adapter, device.backend).as_bytes())?;
     let experiments = options.experiment.experiments();
     let bar = progress_bar(experiments.iter().map(|experiment| experiment.ticks()).sum());
     let mut deviations = Vec::new();
@@ -127,12 +120,12 @@ async fn carry_out(options: &Options, sessions: &Sessions) -> Result<Vec<String>
             experiment::run(sessions, experiment, SIDE, &progress).await.map_err(failed)?;
         for study in &studies {
             experiment::write(study, &options.out).map_err(failed)?;
-            bar.suspend(|| print(&format!("\n{study}")))?;
+            bar.suspend(|| print(format!("\n{study}").as_bytes()))?;
             deviations.extend(study.deviations());
         }
     }
     bar.finish_and_clear();
-    print(&format!("\nFigures and numbers are in {}.\n", options.out.display()))?;
+    print(format!("\nFigures and numbers are in {}.\n", options.out.display()).as_bytes())?;
     Ok(deviations)
 }
 
@@ -144,16 +137,6 @@ fn progress_bar(ticks: u64) -> ProgressBar {
         bar.set_style(style);
     }
     bar
-}
-
-fn print(text: &str) -> Result<(), Failure> {
-    match std::io::stdout().write_all(text.as_bytes()) {
-        // Whoever reads it may have seen enough; the files are written all the same.
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Failure::Failed(format!("standard output: {error}")))
-        }
-        _ => Ok(()),
-    }
 }
 
 #[cfg(test)]

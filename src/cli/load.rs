@@ -1,6 +1,5 @@
 //! `firn load`: the load tool.
 
-use std::io::{ErrorKind, Write};
 use std::time::Duration;
 
 use clap::Args;
@@ -174,11 +173,5 @@ fn print(report: &Report, json: bool) -> Result<(), Failure> {
     } else {
         report.to_string()
     };
-    match writeln!(std::io::stdout(), "{text}") {
-        // Whoever reads it may have seen enough.
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Failure::Failed(format!("standard output: {error}")))
-        }
-        _ => Ok(()),
-    }
+    super::print(format!("{}\n", text.trim_end()).as_bytes())
 }

@@ -1,22 +1,40 @@
 //! The command line: one file per subcommand.
 
 mod bench;
+mod completions;
 pub mod configuration;
 mod demo;
+mod effective;
 mod experiment;
 mod load;
+mod man;
 mod openapi;
 mod serve;
+mod signals;
 
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 pub use serve::{Serve, open_backend};
 
+/// Shown below the commands.
+const EXAMPLES: &str = "\
+Examples:
+  firn serve --demo          serve, with a snowpack to look at: http://127.0.0.1:8080
+  firn load                  put load on that server
+  firn bench --scale 0.004   what snow costs on this machine's device
+  firn help serve            every option of a command, and what it means
+
+Exit codes:
+  0  done; of `firn serve`: stopped by a signal, with all that was under way finished
+  1  it was tried and failed; the last line of standard error says why and what to do
+  2  it can't be done as it was asked for: an option is wrong, unknown or missing";
+
 /// Firn simulates snowpacks on the GPU and serves them over HTTP and WebSocket.
 #[derive(Debug, Parser)]
-#[command(name = "firn", version, arg_required_else_help = true)]
+#[command(name = "firn", version, arg_required_else_help = true, after_help = EXAMPLES)]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -31,7 +49,7 @@ enum Command {
     /// gracefully: it accepts no more, finishes what is under way, and ends; a second signal ends
     /// it at once.
     #[command(after_help = serve::EXAMPLES)]
-    Serve(Serve),
+    Serve(Box<Serve>),
     /// Repeat the experiments of the thesis that the model comes from
     ///
     /// Prints the thesis's figures, those of an independent program and Firn's beside each other,
@@ -52,7 +70,14 @@ enum Command {
     #[command(after_help = bench::NOTES)]
     Bench(bench::Options),
     /// Print the OpenAPI document of the REST interface
+    #[command(after_help = openapi::EXAMPLES)]
     Openapi,
+    /// Print what makes a shell complete Firn's commands and options
+    #[command(after_help = completions::EXAMPLES)]
+    Completions(completions::Options),
+    /// Write manual pages, one for each command
+    #[command(after_help = man::EXAMPLES)]
+    Man(man::Options),
     /// Print the options of `serve` as a Markdown table, for docs/operations.md
     #[command(hide = true)]
     Configuration,
@@ -69,13 +94,10 @@ pub enum Failure {
 
 /// Runs the program: exit code 0 for success, 1 for failure, 2 for wrong usage.
 pub fn run() -> ExitCode {
-    let result = match Cli::parse().command {
-        Command::Serve(options) => serve::run(&options),
-        Command::Experiment(options) => experiment::run(&options),
-        Command::Load(options) => load::run(&options),
-        Command::Bench(options) => bench::run(&options),
-        Command::Openapi => openapi::run(),
-        Command::Configuration => configuration::run(),
+    let given = Cli::command().get_matches();
+    let result = match Cli::from_arg_matches(&given) {
+        Ok(cli) => carry_out(cli.command, &given),
+        Err(error) => error.exit(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -87,5 +109,32 @@ pub fn run() -> ExitCode {
             eprintln!("error: {message}");
             ExitCode::FAILURE
         }
+    }
+}
+
+fn carry_out(command: Command, given: &ArgMatches) -> Result<(), Failure> {
+    match command {
+        Command::Serve(options) if options.prints_config() => effective::run(given),
+        Command::Serve(options) => serve::run(&options),
+        Command::Experiment(options) => experiment::run(&options),
+        Command::Load(options) => load::run(&options),
+        Command::Bench(options) => bench::run(&options),
+        Command::Openapi => openapi::run(),
+        Command::Completions(options) => completions::run(&options),
+        Command::Man(options) => man::run(&options),
+        Command::Configuration => configuration::run(),
+    }
+}
+
+/// Writes to standard output.
+///
+/// # Errors
+/// Where that fails, unless nobody reads it any more: whoever did may have seen enough.
+fn print(text: &[u8]) -> Result<(), Failure> {
+    match std::io::stdout().write_all(text) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::Failed(format!("standard output: {error}")))
+        }
+        _ => Ok(()),
     }
 }

@@ -1,8 +1,12 @@
 //! `firn openapi`: prints the OpenAPI document.
 
-use std::io::{ErrorKind, Write};
-
 use super::Failure;
+
+/// Shown below the options.
+pub const EXAMPLES: &str = "\
+Examples:
+  firn openapi > openapi.json              for code generators and API clients
+  firn openapi | jq '.paths | keys'        every path";
 
 /// Prints the document to standard output, as `api/openapi.json` holds it.
 pub fn run() -> Result<(), Failure> {
@@ -10,11 +14,5 @@ pub fn run() -> Result<(), Failure> {
         .to_pretty_json()
         .map_err(|error| Failure::Failed(format!("the document can't be written: {error}")))?;
     document.push('\n');
-    match std::io::stdout().write_all(document.as_bytes()) {
-        // Whoever reads it may have seen enough.
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Failure::Failed(format!("standard output: {error}")))
-        }
-        _ => Ok(()),
-    }
+    super::print(document.as_bytes())
 }

@@ -1,12 +1,12 @@
 //! `firn serve`: the server.
 
-use std::io::IsTerminal;
+use std::io::ErrorKind;
+use std::net::SocketAddr;
 
 use clap::Args;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
-use tracing_subscriber::EnvFilter;
 
 use crate::config::{
     AccessConfig, BackendChoice, ConnectionConfig, EngineConfig, LimitsConfig, ListenConfig,
@@ -18,7 +18,9 @@ use crate::engine::gpu::GpuBackend;
 use crate::http::{self, App, Gate};
 use crate::open_files;
 use crate::session::{Sessions, World, WorldConfig};
+use crate::telemetry::Telemetry;
 
+use super::signals::Signals;
 use super::{Failure, demo};
 
 /// Publications per second, beside those that requests ask for.
@@ -26,6 +28,10 @@ const PUBLISH_RATE: f64 = 20.0;
 
 /// Open files that are needed beside one per connection.
 const OTHER_FILES: u64 = 64;
+
+/// Of so many frames the stages of one are timed on the device: about one a second. It divides
+/// neither the publications' beat nor the usual tick rates', so that each kind of frame has its turn.
+const TIMED_FRAME: u32 = 61;
 
 /// Shown below the flags.
 pub const EXAMPLES: &str = "\
@@ -35,7 +41,14 @@ Examples:
   firn serve --listen 127.0.0.1:0          on a free port; the log says which
   firn serve --listen [::]:8080 --api-key-file key --tls-cert cert.pem --tls-key key.pem
                                            for other machines, which need the key
-  firn serve --listen [::]:8080 --allow-open    for every machine that can reach this one";
+  firn serve --listen [::]:8080 --allow-open    for every machine that can reach this one
+  RUST_LOG=info,firn=debug firn serve      with a line in the log for each request
+  firn serve --log-format json --otlp-endpoint http://127.0.0.1:4318
+                                           for machines that read logs and traces
+  firn serve --print-config > firn.env     what holds, and where it comes from
+
+Exit codes: 0 stopped by a signal, with all that was under way finished; 1 failed, as where the port
+is taken; 2 an option is wrong, unknown or missing.";
 
 /// Options of `firn serve`.
 #[derive(Args, Clone, Debug)]
@@ -59,6 +72,16 @@ pub struct Serve {
     /// Begin with a live session `demo`: 5.8 m of snow and three objects on it.
     #[arg(long, env = "FIRN_DEMO", value_parser = clap::builder::FalseyValueParser::new())]
     demo: bool,
+    /// Print every option as it would hold, as environment variables and with its origin, and end.
+    #[arg(long)]
+    print_config: bool,
+}
+
+impl Serve {
+    /// Whether its options are to be printed rather than carried out.
+    pub fn prints_config(&self) -> bool {
+        self.print_config
+    }
 }
 
 /// Serves until a signal says to stop.
@@ -67,7 +90,14 @@ pub struct Serve {
 /// [`Failure::Usage`] for options that can't be carried out, [`Failure::Failed`] where the port is
 /// taken or the device can't be used.
 pub fn run(options: &Serve) -> Result<(), Failure> {
-    start_log(&options.log)?;
+    let telemetry =
+        Telemetry::start(&options.log).map_err(|error| Failure::Usage(error.to_string()))?;
+    let served = start(options);
+    telemetry.finish();
+    served
+}
+
+fn start(options: &Serve) -> Result<(), Failure> {
     let address = options.listen.listen;
     let gate = Gate::new(&options.access, options.connections.clone()).map_err(Failure::Usage)?;
     if gate.access.is_open() && !address.ip().is_loopback() && !options.listen.allow_open {
@@ -86,7 +116,7 @@ pub fn run(options: &Serve) -> Result<(), Failure> {
         tokio::runtime::Runtime::new().map_err(|error| failed("starting threads", error))?;
     let listener = runtime
         .block_on(TcpListener::bind(address))
-        .map_err(|error| failed(&format!("listening on {address}"), error))?;
+        .map_err(|error| not_listening(address, &error))?;
     let backend =
         open_backend(&options.engine).map_err(|error| Failure::Failed(error.to_string()))?;
     let config =
@@ -105,6 +135,9 @@ async fn serve(
     sessions: Sessions,
     gate: Gate,
 ) -> Result<(), Failure> {
+    // From before anybody is told that there is a server: who starts it may stop it at once.
+    let signals =
+        Signals::new().map_err(|error| Failure::Failed(format!("taking signals: {error}")))?;
     let address = listener
         .local_addr()
         .map_err(|error| Failure::Failed(format!("the address listened on: {error}")))?;
@@ -127,7 +160,7 @@ async fn serve(
         info!("the session 'demo' is at {scheme}://{address}/v1/sessions/demo");
     }
     let shutdown = CancellationToken::new();
-    let signals = tokio::spawn(stop_on_signal(shutdown.clone()));
+    let signals = tokio::spawn(stop_on_signal(signals, shutdown.clone()));
     let app = App::new(sessions, options.requests, options.stream, gate);
     let served = http::run(listener, app, shutdown).await;
     signals.abort();
@@ -144,67 +177,46 @@ pub fn open_backend(config: &EngineConfig) -> Result<Box<dyn Backend + Send>, En
         return Ok(on_cpu());
     }
     match GpuBackend::new(config.device_memory, false) {
-        Ok(backend) => Ok(Box::new(backend)),
+        Ok(mut backend) => {
+            backend.take_times_of_one_in(TIMED_FRAME);
+            Ok(Box::new(backend))
+        }
         Err(EngineError::NoAdapter(why)) if config.backend == BackendChoice::Auto => {
             warn!("no usable graphics adapter ({why}); computing on the CPU");
             Ok(on_cpu())
+        }
+        Err(EngineError::NoAdapter(why)) => {
+            Err(EngineError::NoAdapter(format!("{why}; or compute on the CPU with --backend cpu")))
         }
         Err(error) => Err(error),
     }
 }
 
-fn start_log(config: &LogConfig) -> Result<(), Failure> {
-    let filter = EnvFilter::try_new(&config.log)
-        .map_err(|error| Failure::Usage(format!("--log '{}': {error}", config.log)))?;
-    let ansi = std::io::stderr().is_terminal();
-    // There is a log already where a test starts the server twice.
-    let _ = tracing_subscriber::fmt()
-        // A log that nobody reads any more must not end the server.
-        .log_internal_errors(false)
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(ansi)
-        .with_target(false)
-        .try_init();
-    Ok(())
+/// Why an address can't be listened on, and what to do about it.
+fn not_listening(address: SocketAddr, error: &std::io::Error) -> Failure {
+    let advice = match error.kind() {
+        ErrorKind::AddrInUse => {
+            "; another program listens there: stop it, or choose another port with --listen, as in \
+             --listen 127.0.0.1:0 for a free one"
+        }
+        ErrorKind::AddrNotAvailable => {
+            "; this machine has no such address: 127.0.0.1 is for this machine alone, 0.0.0.0 and \
+             [::] are all that it has"
+        }
+        ErrorKind::PermissionDenied => {
+            "; ports below 1024 are for privileged programs: choose another with --listen"
+        }
+        _ => "",
+    };
+    Failure::Failed(format!("listening on {address}: {error}{advice}"))
 }
 
 /// Begins to stop on the first signal, and ends the process on the second.
-async fn stop_on_signal(shutdown: CancellationToken) {
-    signal().await;
+async fn stop_on_signal(mut signals: Signals, shutdown: CancellationToken) {
+    signals.next().await;
     info!("stopping: finishing what is under way");
     shutdown.cancel();
-    signal().await;
+    signals.next().await;
     warn!("stopped at once by a second signal");
     std::process::exit(1);
-}
-
-#[cfg(unix)]
-async fn signal() {
-    use tokio::signal::unix::{SignalKind, signal};
-    let terminated = async {
-        match signal(SignalKind::terminate()) {
-            Ok(mut signals) => drop(signals.recv().await),
-            Err(error) => {
-                warn!("SIGTERM is not handled: {error}");
-                std::future::pending().await
-            }
-        }
-    };
-    tokio::select! {
-        () = interrupted() => {}
-        () = terminated => {}
-    }
-}
-
-#[cfg(not(unix))]
-async fn signal() {
-    interrupted().await;
-}
-
-async fn interrupted() {
-    if let Err(error) = tokio::signal::ctrl_c().await {
-        warn!("SIGINT is not handled: {error}");
-        std::future::pending::<()>().await;
-    }
 }

@@ -130,7 +130,9 @@ impl AccessConfig {
             (Some(key), _) => (key.clone(), "--api-key".to_owned()),
             (None, Some(file)) => {
                 let place = format!("--api-key-file {}", file.display());
-                let text = std::fs::read_to_string(file).map_err(|e| format!("{place}: {e}"))?;
+                let text = std::fs::read_to_string(file).map_err(|error| {
+                    format!("{place}: {error}; expected a file that this user can read")
+                })?;
                 (ApiKey::from(text.lines().next().unwrap_or("")), place)
             }
         };

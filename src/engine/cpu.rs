@@ -5,14 +5,11 @@ use std::collections::{HashMap, VecDeque};
 use std::time::Duration;
 
 use super::frame::{
-    Backend, DeviceInfo, Edit, EngineError, Frame, Layout, Outcome, Slot, TileCells, Work,
-    WorkOutcome,
+    BYTES_PER_CELL, Backend, DeviceInfo, Edit, EngineError, Frame, Layout, Outcome, Slot,
+    TileCells, Work, WorkOutcome,
 };
 use super::published::{Published, TileColumns};
 use crate::snow::{Column, Grid, Snowpack, TILE_COLUMNS};
-
-/// Bytes of a slot's mass, thickness, temperature and stress.
-const BYTES_PER_CELL: u64 = 16;
 
 /// Bytes of what is kept for each column besides its slots.
 const BYTES_PER_COLUMN: u64 = 8;

@@ -12,6 +12,15 @@ use crate::snow::{Cell, ColumnRect, Contact, Footprint, Grid, Material, Sample, 
 /// A snowpack's row in the backend's tables.
 pub type Slot = u32;
 
+/// Bytes of a slot's mass, thickness, temperature and stress.
+pub const BYTES_PER_CELL: u64 = 16;
+
+/// Bytes of device memory that the cells of a snowpack take: whole tiles, whatever snow lies there.
+pub fn cell_bytes(grid: &Grid) -> u64 {
+    let columns = u64::from(grid.tiles()) * u64::from(TILE_COLUMNS);
+    columns * u64::from(grid.height) * BYTES_PER_CELL
+}
+
 /// What a snowpack is made with.
 #[derive(Clone, Debug)]
 pub struct Layout {
@@ -268,4 +277,13 @@ pub trait Backend {
 
     /// Bytes of device memory held for snowpacks.
     fn memory(&self) -> u64;
+
+    /// What the frame of the newest outcome was made of, each part with the time that it took on the
+    /// device, in order; nothing where these times were not taken.
+    ///
+    /// # Errors
+    /// [`EngineError::DeviceFailed`].
+    fn stage_times(&self) -> Result<Vec<(&'static str, Duration)>, EngineError> {
+        Ok(Vec::new())
+    }
 }

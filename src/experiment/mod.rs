@@ -62,6 +62,15 @@ pub async fn run(
     Ok(outcome::studies(experiment, &recordings))
 }
 
+/// Makes a directory for figures and tables, where it is not there.
+///
+/// # Errors
+/// [`ExperimentError::File`].
+pub fn make_directory(directory: &Path) -> Result<(), ExperimentError> {
+    std::fs::create_dir_all(directory)
+        .map_err(|why| ExperimentError::File { path: directory.to_owned(), why })
+}
+
 /// Writes a study's figures and tables of numbers into a directory, which is created where it is
 /// not there; returns the files.
 ///
@@ -72,7 +81,7 @@ pub fn write(study: &Study, directory: &Path) -> Result<Vec<PathBuf>, Experiment
         let path = path.to_owned();
         move |why| ExperimentError::File { path, why }
     };
-    std::fs::create_dir_all(directory).map_err(failed(directory))?;
+    make_directory(directory)?;
     let mut files = vec![
         (format!("{}-layers.csv", study.name), csv::layers(study)),
         (format!("{}-heights.csv", study.name), csv::heights(study)),

@@ -6,6 +6,7 @@ mod etag;
 mod extract;
 mod gate;
 mod handlers;
+mod observe;
 mod page;
 mod query;
 mod reference;

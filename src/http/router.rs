@@ -1,22 +1,20 @@
 //! Every route, and the layers around them.
 
 use std::any::Any;
-use std::time::Instant;
 
 use axum::Router;
-use axum::extract::{DefaultBodyLimit, MatchedPath, Request, State};
+use axum::extract::{DefaultBodyLimit, Request, State};
 use axum::http::{Method, Uri, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
+use tower::ServiceBuilder;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::sensitive_headers::SetSensitiveRequestHeadersLayer;
-use tower_http::trace::{DefaultOnResponse, TraceLayer};
-use tracing::{Level, Span, debug_span, error};
+use tracing::error;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use crate::metrics;
 use crate::problem::Problem;
 use crate::stream;
 
@@ -26,6 +24,7 @@ use super::handlers::{
     self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
     openapi, probes, profile, render, sessions, snapshots, snowfalls, tokens,
 };
+use super::observe::observe;
 use super::repeat::answer_once;
 use super::state::App;
 use super::{reference, viewer};
@@ -33,13 +32,15 @@ use super::{reference, viewer};
 /// The whole server.
 pub fn router(app: App) -> Router {
     let (timed, _) = timed_routes().split_for_parts();
+    let (repeatable, _) = repeatable_routes().split_for_parts();
     let (untimed, _) = untimed_routes().split_for_parts();
     let (streams, _) = stream_routes().split_for_parts();
     let limit = middleware::from_fn_with_state(app.clone(), limit_time);
-    let guard = middleware::from_fn_with_state(app.clone(), authorize);
+    let guard = middleware::map_request_with_state(app.clone(), authorize);
     // A request that is out of time is still carried out, and its repeat finds the answer.
     let once = middleware::from_fn_with_state(app.clone(), answer_once);
-    let guarded = timed.route_layer(once).layer(limit).merge(untimed).route_layer(guard);
+    let timed = timed.merge(repeatable.route_layer(once)).layer(limit);
+    let guarded = timed.merge(untimed).route_layer(guard);
     let pages = reference::routes().merge(viewer::routes());
     let routes = guarded.merge(streams).merge(pages);
     dress(routes, &app).with_state(app)
@@ -48,23 +49,29 @@ pub fn router(app: App) -> Router {
 /// Every documented route.
 pub fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::with_openapi(Document::openapi())
+        .merge(repeatable_routes())
         .merge(timed_routes())
         .merge(untimed_routes())
         .merge(stream_routes())
 }
 
+/// Routes with a POST that takes an `Idempotency-Key`. They have to answer in time, too.
+fn repeatable_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::default()
+        .routes(routes!(sessions::create, sessions::list))
+        .routes(routes!(snowfalls::create))
+        .routes(routes!(clearings::create))
+        .routes(routes!(colliders::create, colliders::list))
+        .routes(routes!(colliders::batch))
+}
+
 /// Routes that have to answer within the time limit of requests.
 fn timed_routes() -> OpenApiRouter<App> {
     OpenApiRouter::default()
-        .routes(routes!(sessions::create, sessions::list))
         .routes(routes!(sessions::get, sessions::patch, sessions::delete))
         .routes(routes!(sessions::reset))
         .routes(routes!(tokens::create))
-        .routes(routes!(snowfalls::create))
-        .routes(routes!(clearings::create))
         .routes(routes!(air_temperature::put))
-        .routes(routes!(colliders::create, colliders::list))
-        .routes(routes!(colliders::batch))
         .routes(routes!(colliders::get, colliders::put, colliders::patch, colliders::delete))
         .routes(routes!(heights::get))
         .routes(routes!(height::get))
@@ -94,56 +101,16 @@ fn stream_routes() -> OpenApiRouter<App> {
 
 /// Puts what holds for every request around some routes.
 fn dress(routes: Router<App>, app: &App) -> Router<App> {
-    let trace = TraceLayer::new_for_http()
-        .make_span_with(span)
-        .on_response(DefaultOnResponse::new().level(Level::DEBUG));
-    let routes = routes
-        .fallback(unknown_path)
-        .method_not_allowed_fallback(unknown_method)
-        .layer(DefaultBodyLimit::max(app.requests.max_body_bytes))
-        .layer(middleware::from_fn_with_state(app.clone(), check_origin));
-    let routes = match app.gate.neighbours.cors() {
-        Some(cors) => routes.layer(cors),
-        None => routes,
-    };
-    routes
-        .layer(middleware::from_fn_with_state(app.clone(), check_host))
-        .layer(CatchPanicLayer::custom(panicked))
-        .layer(middleware::from_fn_with_state(app.clone(), time))
-        .layer(trace)
+    // One stack rather than layers one by one: the router puts each of those into a box of its own.
+    let layers = ServiceBuilder::new()
         .layer(SetSensitiveRequestHeadersLayer::new([header::AUTHORIZATION]))
-}
-
-/// Counts the request, and how long its answer takes.
-async fn time(State(app): State<App>, request: Request, next: Next) -> Response {
-    let begun = Instant::now();
-    let route = request.extensions().get::<MatchedPath>();
-    let route = route.map_or(String::new(), |path| path.as_str().to_owned());
-    let method = method_name(request.method());
-    let response = next.run(request).await;
-    let status = response.status().as_u16();
-    app.metrics.requests.answered(&metrics::Request { method, route, status }, begun.elapsed());
-    response
-}
-
-/// Methods that clients make up are one, so that they can't fill the memory.
-fn method_name(method: &Method) -> &'static str {
-    const KNOWN: [Method; 7] = [
-        Method::GET,
-        Method::POST,
-        Method::PUT,
-        Method::PATCH,
-        Method::DELETE,
-        Method::HEAD,
-        Method::OPTIONS,
-    ];
-    const NAMES: [&str; 7] = ["GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"];
-    KNOWN.iter().position(|known| known == method).map_or("other", |place| NAMES[place])
-}
-
-/// Made only where the log tells requests at all. The query is left out: it may hold a token.
-fn span(request: &Request) -> Span {
-    debug_span!("request", method = %request.method(), path = request.uri().path())
+        .layer(middleware::from_fn_with_state(app.clone(), observe))
+        .layer(CatchPanicLayer::custom(panicked))
+        .layer(middleware::map_request_with_state(app.clone(), check_host))
+        .option_layer(app.gate.neighbours.cors())
+        .layer(middleware::map_request_with_state(app.clone(), check_origin))
+        .layer(DefaultBodyLimit::max(app.requests.max_body_bytes));
+    routes.fallback(unknown_path).method_not_allowed_fallback(unknown_method).layer(layers)
 }
 
 async fn limit_time(State(app): State<App>, request: Request, next: Next) -> Response {

@@ -29,7 +29,9 @@ impl Api {
         let (url, key) = (&plan.url, plan.api_key.clone());
         let base = url.trim_end_matches('/').to_owned();
         if !base.starts_with("http://") {
-            return Err(LoadError(format!("'{url}' does not begin with http://")));
+            return Err(LoadError(format!(
+                "'{url}' is no address without TLS, as in http://127.0.0.1:8080"
+            )));
         }
         let client = Client::builder()
             .build()
@@ -105,8 +107,19 @@ impl Api {
         if let Some(body) = body {
             request = request.json(&body);
         }
-        request.send().await.map_err(|error| LoadError(format!("{url} can't be reached: {error}")))
+        request.send().await.map_err(|error| {
+            LoadError(format!(
+                "{url} can't be reached: {}; start a server with `firn serve`, or name another \
+                 with --url",
+                root_cause(&error)
+            ))
+        })
     }
+}
+
+/// What is behind an error: the outer ones repeat what was tried.
+fn root_cause(error: &dyn std::error::Error) -> String {
+    error.source().map_or_else(|| error.to_string(), root_cause)
 }
 
 /// A response, unless it is a problem.

@@ -3,12 +3,13 @@
 use std::fmt;
 
 use prometheus_client::collector::Collector;
-use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
+use prometheus_client::encoding::{DescriptorEncoder, EncodeLabelSet, EncodeMetric};
+use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Unit;
 
-use crate::session::Sessions;
+use crate::session::{Sessions, StageTimes, Vitals};
 
 /// Reads the engine's state.
 #[derive(Debug)]
@@ -16,37 +17,66 @@ pub(super) struct EngineCollector(pub Sessions);
 
 impl Collector for EngineCollector {
     fn encode(&self, mut encoder: DescriptorEncoder) -> fmt::Result {
-        let sessions = &self.0;
-        let vitals = sessions.vitals();
         let mut write = Writer(&mut encoder);
-        write.gauge("sessions", "Sessions there are", None, sessions.count() as i64)?;
-        let healthy = i64::from(vitals.is_healthy());
-        write.gauge("engine_healthy", "1 while frames are carried out, else 0", None, healthy)?;
-        let overloaded = i64::from(vitals.is_overloaded());
-        write.gauge(
-            "engine_overloaded",
-            "1 while ticks slip behind the clock",
-            None,
-            overloaded,
-        )?;
-        let memory = vitals.memory() as i64;
-        let help = "Device memory held for snowpacks";
-        write.gauge("device_memory", help, Some(&Unit::Bytes), memory)?;
-        write.counter("frames", "Frames that were carried out", None, vitals.frames())?;
-        let time = vitals.frame_time().as_secs_f64();
-        let help = "Time that frames took, from planning to publishing";
-        write.counter("frame_time", help, Some(&Unit::Seconds), time)?;
-        let lag = vitals.slipped().as_secs_f64();
-        let help = "Time by which ticks have slipped behind the clock";
-        write.counter("lag", help, Some(&Unit::Seconds), lag)
+        held(&mut write, &self.0)?;
+        frames(&mut write, self.0.vitals())?;
+        stages(&mut write, &self.0.vitals().stage_times())
     }
+}
+
+/// What there is.
+fn held(write: &mut Writer, sessions: &Sessions) -> fmt::Result {
+    let totals = sessions.totals();
+    let bytes = Some(&Unit::Bytes);
+    write.gauge("sessions", "Sessions there are", None, sessions.count() as u64)?;
+    write.gauge("tiles", "Tiles of all sessions", None, totals.tiles)?;
+    let help = "Tiles of all sessions in which snow moves";
+    write.gauge("active_tiles", help, None, totals.active_tiles)?;
+    let help = "Device memory that the cells of all sessions take";
+    write.gauge("session_memory", help, bytes, totals.device_memory)?;
+    let help = "Device memory held for snowpacks";
+    write.gauge("device_memory", help, bytes, sessions.vitals().memory())
+}
+
+/// How the engine keeps up.
+fn frames(write: &mut Writer, vitals: &Vitals) -> fmt::Result {
+    let seconds = Some(&Unit::Seconds);
+    let help = "1 while frames are carried out, else 0";
+    write.gauge("engine_healthy", help, None, vitals.is_healthy().into())?;
+    let help = "1 while ticks slip behind the clock";
+    write.gauge("engine_overloaded", help, None, vitals.is_overloaded().into())?;
+    write.counter("frames", "Frames that were carried out", None, vitals.frames())?;
+    let help = "Time that frames took, from planning to publishing";
+    write.counter("frame_time", help, seconds, vitals.frame_time().as_secs_f64())?;
+    let help = "Time by which ticks have slipped behind the clock";
+    write.counter("lag", help, seconds, vitals.slipped().as_secs_f64())
+}
+
+/// What the device did, in those frames that were timed.
+fn stages(write: &mut Writer, times: &StageTimes) -> fmt::Result {
+    let help = "Frames whose stages were timed on the device";
+    write.counter("timed_frames", help, None, times.frames)?;
+    let help = "Time that the stages of those frames took on the device";
+    let seconds = Some(&Unit::Seconds);
+    let kind = MetricType::Counter;
+    let mut family = write.0.encode_descriptor("stage_time", help, seconds, kind)?;
+    for (&stage, time) in &times.stages {
+        let labels = Stage { stage };
+        ConstCounter::new(time.as_secs_f64()).encode(family.encode_family(&labels)?)?;
+    }
+    Ok(())
+}
+
+#[derive(Clone, Debug, EncodeLabelSet)]
+struct Stage {
+    stage: &'static str,
 }
 
 /// Writes figures that are kept elsewhere.
 struct Writer<'a, 'b>(&'a mut DescriptorEncoder<'b>);
 
 impl Writer<'_, '_> {
-    fn gauge(&mut self, name: &str, help: &str, unit: Option<&Unit>, value: i64) -> fmt::Result {
+    fn gauge(&mut self, name: &str, help: &str, unit: Option<&Unit>, value: u64) -> fmt::Result {
         self.write(name, help, unit, &ConstGauge::new(value))
     }
 

@@ -9,7 +9,7 @@ use tokio::sync::{Semaphore, broadcast, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
 
-use crate::engine::frame::TileCells;
+use crate::engine::frame::{TileCells, cell_bytes};
 use crate::snow::{CELL, ColumnRect};
 
 use super::change::{Change, StepSpec};
@@ -215,22 +215,29 @@ impl Session {
     pub fn view(&self) -> SessionView {
         let mirror = self.mirror();
         let clock = mirror.clock_at(self.frame());
+        let state = if mirror.settings.paused { State::Paused } else { State::Running };
         SessionView {
             id: self.id.clone(),
             grid: mirror.grid,
             material: mirror.material,
             settings: mirror.settings,
             terrain: self.spec.terrain.clone(),
-            state: if mirror.settings.paused { State::Paused } else { State::Running },
+            state,
             tick: clock.tick(),
             seq: mirror.seq,
             epoch: self.epoch.clone(),
             sim_time: clock.sim_time(),
             settled: mirror.settled,
             summary: mirror.summary(),
+            device_memory_bytes: self.device_memory(),
             created_at: self.created_at.clone(),
             stream_url: format!("/v1/sessions/{}/stream", self.id),
         }
+    }
+
+    /// Device memory that its cells take \[bytes\].
+    pub(super) fn device_memory(&self) -> u64 {
+        cell_bytes(&self.spec.grid)
     }
 
     /// Applies a change in the next frame, and returns when the next read sees it.

@@ -36,7 +36,7 @@ pub use handle::{Event, Session};
 pub use idempotency::{Answer, Idempotency, NoPlace, Place, RequestKey};
 pub use mirror::{Mirror, TileColumns};
 pub use probe::{Probe, ProbeBatch, ProbeReply, ProbeView};
-pub use registry::Sessions;
+pub use registry::{Sessions, Totals};
 pub use simulation::Simulation;
 pub use snapshot::{MEDIA_TYPE as SNAPSHOT_MEDIA_TYPE, Snapshot};
 pub use spec::{Limits, SessionSpec, SnowLayer, Terrain, is_valid_id};
@@ -46,5 +46,5 @@ pub use view::{
     CreatedSession, LayerView, MassView, SessionView, Settings, SnowfallReply, Stamp, State,
     Summary, WeakLayerView,
 };
-pub use vitals::{FrameTime, Vitals};
+pub use vitals::{FrameTime, StageTimes, Vitals};
 pub use world::{World, WorldConfig};

@@ -69,6 +69,17 @@ impl Names {
     }
 }
 
+/// Sums over all sessions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Totals {
+    /// Tiles in which snow moves.
+    pub active_tiles: u64,
+    /// Tiles.
+    pub tiles: u64,
+    /// Device memory that their cells take \[bytes\].
+    pub device_memory: u64,
+}
+
 /// Every session of the server. Clones are handles to the same.
 #[derive(Clone, Debug)]
 pub struct Sessions {
@@ -193,6 +204,17 @@ impl Sessions {
     /// How many sessions there are.
     pub fn count(&self) -> usize {
         self.names.read().len()
+    }
+
+    /// Sums over all sessions.
+    pub fn totals(&self) -> Totals {
+        let mut totals = Totals::default();
+        for session in self.names.read().values().filter_map(|entry| entry.session.as_ref()) {
+            totals.active_tiles += u64::from(session.mirror().active_tiles);
+            totals.tiles += u64::from(session.spec.grid.tiles());
+            totals.device_memory += session.device_memory();
+        }
+        totals
     }
 
     /// The server's limits.

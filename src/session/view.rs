@@ -67,6 +67,8 @@ pub struct SessionView {
     pub settled: bool,
     /// Totals.
     pub summary: Summary,
+    /// Device memory that its cells take \[bytes\].
+    pub device_memory_bytes: u64,
     /// When it was created, RFC 3339.
     pub created_at: String,
     /// Path of its height stream.

@@ -1,6 +1,6 @@
 //! How the engine is doing, for whoever asks from another thread.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -25,6 +25,15 @@ pub struct FrameTime {
     pub backend: Duration,
 }
 
+/// What the stages of frames took on the device, in those frames that were timed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StageTimes {
+    /// Frames that were timed.
+    pub frames: u64,
+    /// Time of each stage in all of these together.
+    pub stages: BTreeMap<&'static str, Duration>,
+}
+
 /// How the engine is doing.
 #[derive(Debug, Default)]
 pub struct Vitals {
@@ -36,6 +45,7 @@ pub struct Vitals {
     pub(super) frame_time_us: AtomicU64,
     pub(super) slipped_us: AtomicU64,
     pub(super) frame_times: Mutex<VecDeque<FrameTime>>,
+    stage_times: Mutex<StageTimes>,
     pub(super) overloaded: AtomicBool,
 }
 
@@ -74,6 +84,23 @@ impl Vitals {
         if frame.sessions > 0 {
             self.frames.fetch_add(1, Ordering::Relaxed);
             self.frame_time_us.fetch_add(frame.took.as_micros() as u64, Ordering::Relaxed);
+        }
+    }
+
+    /// What the stages of frames took on the device.
+    pub fn stage_times(&self) -> StageTimes {
+        self.stage_times.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Notes what the stages of a frame took, where that is known.
+    pub(super) fn note_stages(&self, stages: &[(&'static str, Duration)]) {
+        if stages.is_empty() {
+            return;
+        }
+        let mut times = self.stage_times.lock().unwrap_or_else(PoisonError::into_inner);
+        times.frames += 1;
+        for &(stage, time) in stages {
+            *times.stages.entry(stage).or_default() += time;
         }
     }
 

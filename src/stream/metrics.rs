@@ -7,6 +7,7 @@ use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::registry::{Registry, Unit};
 
 use super::cause::Cause;
+use super::subscription::Cost;
 use super::tiles::Protocol;
 
 /// Counts streams.
@@ -16,6 +17,9 @@ pub struct StreamMetrics {
     ended: Family<ByCause, Counter>,
     messages: Family<ByProtocol, Counter>,
     bytes: Family<ByProtocol, Counter>,
+    tiles: Family<ByProtocol, Counter>,
+    encoded: Family<ByProtocol, Counter>,
+    conflated: Family<ByProtocol, Counter>,
 }
 
 /// What the streams of one protocol carry: handles that cost no look-up.
@@ -24,6 +28,9 @@ pub struct Carried {
     open: Gauge,
     messages: Counter,
     bytes: Counter,
+    tiles: Counter,
+    encoded: Counter,
+    conflated: Counter,
 }
 
 impl Carried {
@@ -33,6 +40,9 @@ impl Carried {
             open: metrics.open.get_or_create_owned(&label),
             messages: metrics.messages.get_or_create_owned(&label),
             bytes: metrics.bytes.get_or_create_owned(&label),
+            tiles: metrics.tiles.get_or_create_owned(&label),
+            encoded: metrics.encoded.get_or_create_owned(&label),
+            conflated: metrics.conflated.get_or_create_owned(&label),
         };
         carried.open.inc();
         carried
@@ -42,6 +52,17 @@ impl Carried {
     pub fn message(&self, bytes: usize) {
         self.messages.inc();
         self.bytes.inc_by(bytes as u64);
+    }
+
+    /// Counts the tiles of a message, which may have several parts.
+    pub fn tiles(&self, cost: Cost) {
+        self.tiles.inc_by(cost.tiles);
+        self.encoded.inc_by(cost.encoded);
+    }
+
+    /// Counts states that a newer one replaced before the client could be told.
+    pub fn conflated(&self, states: u64) {
+        self.conflated.inc_by(states);
     }
 }
 
@@ -62,6 +83,12 @@ impl StreamMetrics {
         registry.register("stream_messages", help, metrics.messages.clone());
         let help = "Payload of the messages of heights to stream clients";
         registry.register_with_unit("stream_payload", help, Unit::Bytes, metrics.bytes.clone());
+        let help = "Tiles told to stream clients";
+        registry.register("stream_tiles", help, metrics.tiles.clone());
+        let help = "Tiles that were encoded for stream clients; the others were shared";
+        registry.register("stream_tiles_encoded", help, metrics.encoded.clone());
+        let help = "Published states that newer ones replaced before a busy client was told";
+        registry.register("stream_states_conflated", help, metrics.conflated.clone());
         // What has not occurred yet reads 0, so that alerts and rates can watch it.
         for cause in Cause::ALL {
             drop(metrics.ended.get_or_create(&ByCause { cause }));

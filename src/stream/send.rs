@@ -57,8 +57,14 @@ where
     let mut publications = session.publications();
     let mut pings = interval_at(Instant::now() + PING_EVERY, PING_EVERY);
     pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut speaker =
-        Speaker { sink, session, manner, encoded: session.companion(), subscriptions: Vec::new() };
+    let mut speaker = Speaker {
+        sink,
+        session,
+        manner,
+        encoded: session.companion(),
+        subscriptions: Vec::new(),
+        marked: publications.borrow_and_update().seq,
+    };
     if let Err(cause) = speaker.say(answer::welcome(session)).await {
         return cause;
     }
@@ -73,8 +79,7 @@ where
             event = events.recv() => speaker.tell(event).await,
             _ = pings.tick() => speaker.write(Message::Ping(Vec::new().into())).await,
             changed = publications.changed() => {
-                let tick = publications.borrow_and_update().tick;
-                speaker.subscriptions.iter_mut().for_each(|subscription| subscription.mark(tick));
+                speaker.mark(*publications.borrow_and_update());
                 changed.map_err(|_| Cause::Deleted)
             }
             () = sleep_until(due.unwrap_or_else(Instant::now)), if due.is_some() => {
@@ -93,6 +98,8 @@ struct Speaker<'a, W> {
     manner: Manner<'a>,
     encoded: Arc<EncodedTiles>,
     subscriptions: Vec<Subscription>,
+    /// Seq of the newest publication that was noted.
+    marked: u64,
 }
 
 impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
@@ -133,6 +140,18 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
         };
         let done = done.map(|()| Applied::Stamp(self.stamp()));
         self.say(answer::outcome(id, "", done)).await
+    }
+
+    /// Notes a publication. Those since the one before came and went while the client, or the
+    /// server, was busy.
+    fn mark(&mut self, published: Stamp) {
+        if !self.subscriptions.is_empty() {
+            self.manner.carried.conflated(published.seq.saturating_sub(self.marked + 1));
+        }
+        self.marked = published.seq;
+        for subscription in &mut self.subscriptions {
+            subscription.mark(published.tick);
+        }
     }
 
     fn stamp(&self) -> Stamp {
@@ -192,7 +211,9 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
             }
             let frame = self.session.frame();
             let copied = subscription.copy(&self.session.mirror(), frame);
-            for part in subscription.message(copied, now).into_iter().flatten() {
+            let Some(parts) = subscription.message(copied, now) else { continue };
+            self.manner.carried.tiles(subscription.cost());
+            for part in parts {
                 let bytes = payload(&part);
                 self.write(part).await?;
                 self.manner.carried.message(bytes);

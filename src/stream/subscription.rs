@@ -40,6 +40,17 @@ pub struct Subscription {
     told_tick: u64,
     /// What there is to tell.
     news: News,
+    /// What the newest message took.
+    cost: Cost,
+}
+
+/// What a message took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// Tiles that it tells.
+    pub tiles: u64,
+    /// Those of them that were encoded for it; the others were there already.
+    pub encoded: u64,
 }
 
 /// How much a client would miss if it were told nothing.
@@ -141,6 +152,7 @@ impl Subscription {
             turn: now,
             told_tick: 0,
             news: News::Tick,
+            cost: Cost::default(),
         })
     }
 
@@ -240,16 +252,25 @@ impl Subscription {
         Some(Parts::new(head, self.sampling, tiles, colliders))
     }
 
+    /// What the newest message took.
+    pub fn cost(&self) -> Cost {
+        self.cost
+    }
+
     /// The bytes of all tiles, those made that are not there yet.
     fn encode(
-        &self,
+        &mut self,
         tiles: Vec<(u32, Option<Bytes>)>,
         fresh: Vec<(u64, TileColumns)>,
     ) -> Vec<(u32, Bytes)> {
         let mut fresh = fresh.iter();
+        self.cost = Cost { tiles: tiles.len() as u64, encoded: 0 };
         let mut make = |tile| {
             let (version, heights) = fresh.next().expect("each without bytes has heights");
-            let encode = || self.sampling.encode_tile(tile, heights);
+            let encode = || {
+                self.cost.encoded += 1;
+                self.sampling.encode_tile(tile, heights)
+            };
             self.layer.get_or_encode(tile, *version, encode)
         };
         tiles.into_iter().map(|(tile, bytes)| (tile, bytes.unwrap_or_else(|| make(tile)))).collect()

@@ -7,4 +7,5 @@ mod render_shaders;
 mod shaders;
 mod sleep;
 mod support;
+mod times;
 mod track;

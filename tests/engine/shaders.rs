@@ -138,7 +138,7 @@ fn host_and_shaders_agree_on_every_struct() {
         module,
         SampleJob { session, first, x0, y0, z0, width, height, depth, rate, padding }
     );
-    compare_layout!(module, Pass { first, count, cycle, cycles, page, edited, length, padding });
+    compare_layout!(module, Pass { first, count, cycle, cycles, page, edited, length, backwards });
 }
 
 #[test]

@@ -30,6 +30,14 @@ async fn what_happens_is_counted(backend: BackendChoice) {
     assert!(value(&after, "firn_frames_total") > Some(0.0));
     assert!(value(&after, "firn_frame_time_seconds_total") > Some(0.0));
     assert!(value(&after, "firn_device_memory_bytes") > Some(0.0));
+    let body = server.get(&session).await.expect(200);
+    let taken = body["device_memory_bytes"].as_f64();
+    // 2 × 1 tiles of 64 columns with 20 slots of 16 bytes.
+    assert_eq!(taken, Some(40_960.0));
+    assert_eq!(value(&after, "firn_session_memory_bytes"), taken);
+    assert_eq!(value(&after, "firn_tiles"), Some(2.0));
+    assert_eq!(value(&after, "firn_active_tiles"), body["summary"]["active_tiles"].as_f64());
+    assert_eq!(value(&after, "firn_active_tiles"), Some(2.0), "fresh snow moves");
     for (status, count) in [(200, 1.0), (404, 1.0)] {
         let labels = format!(r#"method="GET",route="/v1/sessions/{{id}}",status="{status}""#);
         let metric = format!("firn_request_duration_seconds_count{{{labels}}}");

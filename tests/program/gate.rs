@@ -1,7 +1,5 @@
 //! The program itself: how it refuses to stand open, and what it keeps to itself.
 
-use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use futures_util::StreamExt;
@@ -9,62 +7,12 @@ use serde_json::{Value, json};
 use tokio::time::timeout;
 use tokio_tungstenite::connect_async;
 
+use crate::running::{Running, serve};
+
 /// Beyond any wait of these tests.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 const KEY: &str = "a-key-that-nobody-can-guess";
-
-fn serve(options: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_firn"));
-    command
-        .args(["serve", "--backend", "cpu", "--ephemeral"])
-        .args(options)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped());
-    command
-}
-
-/// A server that is ended with the test.
-struct Running {
-    child: Child,
-    log: BufReader<std::process::ChildStderr>,
-    seen: String,
-    url: String,
-}
-
-impl Running {
-    /// Starts a server, and waits until it says where it listens.
-    fn start(mut command: Command) -> Running {
-        let mut child = command.spawn().expect("it starts");
-        let mut log = BufReader::new(child.stderr.take().expect("its log is piped"));
-        let mut seen = String::new();
-        let url = loop {
-            let mut line = String::new();
-            assert!(log.read_line(&mut line).expect("the log is text") > 0, "it ended: {seen}");
-            seen.push_str(&line);
-            if let Some((_, at)) = line.split_once("listening on ") {
-                break at.split_whitespace().next().expect("an address").to_owned();
-            }
-        };
-        Running { child, log, seen, url }
-    }
-
-    /// Ends it; returns everything that it logged.
-    fn end(mut self) -> String {
-        self.child.kill().expect("it runs");
-        self.log.read_to_string(&mut self.seen).expect("the log is text");
-        self.child.wait().expect("it ends");
-        std::mem::take(&mut self.seen)
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
 
 #[test]
 fn it_does_not_stand_open_to_other_machines() {

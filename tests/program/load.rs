@@ -129,7 +129,7 @@ async fn a_run_that_cannot_be_says_why() {
         (&["--grid", "4x4", "--region", "4x4"], "at least 8x8 columns"),
         (&["--region", "200x1"], "larger than the grid"),
         (&["--tick-rate", "0"], "not within 0.1 to 1000 Hz"),
-        (&["--url", "https://127.0.0.1"], "does not begin with http://"),
+        (&["--url", "https://127.0.0.1"], "without TLS"),
         (&["--url", "http://127.0.0.1:1"], "can't be reached"),
         (&["--region", "8"], "expected columns along x and z"),
     ] {

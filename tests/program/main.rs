@@ -3,5 +3,8 @@
 mod experiments;
 mod gate;
 mod load;
+mod manners;
+mod running;
 #[path = "../support/mod.rs"]
 mod support;
+mod telemetry;

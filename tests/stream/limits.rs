@@ -13,6 +13,7 @@ use crate::support::{self, Options, Server};
 
 on_each_backend!(
     a_tile_is_encoded_once_for_all_who_watch_it,
+    states_that_a_client_was_too_busy_for_are_counted,
     a_client_that_lets_a_write_block_is_closed,
     a_client_that_sends_too_many_commands_is_closed,
     level_snow_that_settles_costs_a_tenth_of_a_byte_per_column,
@@ -54,7 +55,38 @@ async fn a_tile_is_encoded_once_for_all_who_watch_it(backend: BackendChoice) {
         let tiles = 2 * (1 + ROUNDS);
         assert_eq!(encoded.encoded() - before.0, tiles, "{number}");
         assert_eq!(encoded.shared() - before.1, tiles * (SOCKETS as u64 - 1), "{number}");
+        let metrics = server.app.metrics.encode().unwrap();
+        let told = tiles * SOCKETS as u64;
+        for (name, count) in [("tiles", told), ("tiles_encoded", tiles), ("states_conflated", 0)] {
+            let line = format!("firn_stream_{name}_total{{protocol=\"{protocol}\"}} {count}\n");
+            assert!(metrics.contains(&line), "{line} in {metrics}");
+        }
     }
+    server.stop().await;
+}
+
+async fn states_that_a_client_was_too_busy_for_are_counted(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = server.create(big()).await;
+    let mut busy = Client::open_narrow(&server, &session).await;
+    for id in 0..16 {
+        let wish = json!({"op": "subscribe", "id": id, "quantum": 0.0001, "max_rate": 60});
+        busy.send(wish).await;
+    }
+    // Much more than the sockets hold: the server can't but skip some of it.
+    let mut newest = 0;
+    for _ in 0..20 {
+        let fallen = server.post(&format!("{session}/snowfalls"), json!({"depth": 0.01})).await;
+        newest = fallen.expect(200)["seq"].as_u64().unwrap();
+    }
+    for id in 0..16 {
+        busy.until(id, |view| view.seq >= newest).await;
+    }
+    let metrics = server.app.metrics.encode().unwrap();
+    let name = "firn_stream_states_conflated_total{protocol=\"firn.v1.json\"} ";
+    let line = metrics.lines().find_map(|line| line.strip_prefix(name)).expect("it is counted");
+    let skipped: u64 = line.parse().unwrap();
+    assert!((1..20).contains(&skipped), "{skipped}");
     server.stop().await;
 }
 

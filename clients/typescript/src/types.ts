@@ -115,6 +115,8 @@ export interface SessionView extends Settings, Stamp {
   /** Whether nothing moves. */
   settled: boolean;
   summary: Summary;
+  /** Device memory that its cells take [bytes]. */
+  device_memory_bytes: number;
   created_at: string;
   stream_url: string;
 }

@@ -9,6 +9,7 @@ use crate::engine::frame::{Edit, Frame, SampleBox, Slot, Work};
 use super::GpuBackend;
 use super::kernels::KernelId;
 use super::plan::{Dispatch, Planner, Round};
+use super::profile::Profile;
 use super::readback::Copies;
 use super::resident::{self, Residents};
 
@@ -114,12 +115,11 @@ impl GpuBackend {
         if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
             self.tables.clear_schedule(encoder, &self.arena);
         }
-        match &mut self.profile {
-            None => {
-                let mut pass = encoder.begin_compute_pass(&Default::default());
-                dispatches.iter().for_each(|dispatch| self.dispatch(&mut pass, dispatch));
-            }
-            Some(_) => self.encode_timed(encoder, dispatches),
+        if self.profile.as_ref().is_some_and(Profile::is_taking_times) {
+            self.encode_timed(encoder, dispatches);
+        } else {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            dispatches.iter().for_each(|dispatch| self.dispatch(&mut pass, dispatch));
         }
     }
 

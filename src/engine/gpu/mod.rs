@@ -82,7 +82,13 @@ impl GpuBackend {
     /// Takes the time of every kernel from now on, which makes frames a little slower. Returns
     /// whether the adapter can.
     pub fn take_times(&mut self) -> bool {
-        self.profile = Profile::new(&self.device);
+        self.take_times_of_one_in(1)
+    }
+
+    /// Takes the time of every kernel of one frame in `frames`, which is at least 1. Returns whether
+    /// the adapter can.
+    pub fn take_times_of_one_in(&mut self, frames: u32) -> bool {
+        self.profile = Profile::new(&self.device, frames);
         self.profile.is_some()
     }
 
@@ -147,6 +153,11 @@ impl Backend for GpuBackend {
 
     fn memory(&self) -> u64 {
         self.arena.memory()
+    }
+
+    fn stage_times(&self) -> Result<Vec<(&'static str, Duration)>, EngineError> {
+        let times = self.kernel_times()?;
+        Ok(times.into_iter().map(|(kernel, time)| (KERNELS[kernel as usize].name, time)).collect())
     }
 }
 

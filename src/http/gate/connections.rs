@@ -103,11 +103,15 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Counted<S> {
 pub fn tls(config: &ConnectionConfig) -> Result<Option<RustlsConfig>, String> {
     let (Some(cert), Some(key)) = (&config.tls_cert, &config.tls_key) else { return Ok(None) };
     let named = |flag: &str, file: &Path, error: &dyn std::fmt::Display| {
-        format!("{flag} {}: {error}", file.display())
+        let what = if flag == "--tls-key" { "a private key" } else { "a certificate chain" };
+        format!("{flag} {}: {error}; expected a PEM file with {what}", file.display())
     };
     let chain = CertificateDer::pem_file_iter(cert)
         .and_then(Iterator::collect::<Result<Vec<_>, _>>)
         .map_err(|error| named("--tls-cert", cert, &error))?;
+    if chain.is_empty() {
+        return Err(named("--tls-cert", cert, &"it holds none"));
+    }
     let secret =
         PrivateKeyDer::from_pem_file(key).map_err(|error| named("--tls-key", key, &error))?;
     let provider = Arc::new(rustls::crypto::ring::default_provider());

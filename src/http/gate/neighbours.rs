@@ -7,8 +7,6 @@ use std::net::IpAddr;
 use axum::extract::{Request, State};
 use axum::http::uri::Authority;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
-use axum::middleware::Next;
-use axum::response::Response;
 use axum_server::accept::LocalAddr;
 use tower_http::cors::CorsLayer;
 
@@ -77,15 +75,11 @@ impl Neighbours {
 ///
 /// # Errors
 /// 421 where the `Host` is not one of the server's names.
-pub async fn check_host(
-    State(app): State<App>,
-    request: Request,
-    next: Next,
-) -> Result<Response, Problem> {
+pub async fn check_host(State(app): State<App>, request: Request) -> Result<Request, Problem> {
     let local = request.extensions().get::<LocalAddr>().map(|local| local.0.ip().to_canonical());
     let host = host(&request)?;
     if app.gate.neighbours.knows(&host, local) {
-        return Ok(next.run(request).await);
+        return Ok(request);
     }
     Err(Problem::misdirected(format!(
         "this server does not go by the name '{}'; its operator can allow it by --allowed-host",
@@ -98,15 +92,11 @@ pub async fn check_host(
 ///
 /// # Errors
 /// 403 where the `Origin` is neither this server nor allowed.
-pub async fn check_origin(
-    State(app): State<App>,
-    request: Request,
-    next: Next,
-) -> Result<Response, Problem> {
+pub async fn check_origin(State(app): State<App>, request: Request) -> Result<Request, Problem> {
     let reads = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS)
         && !request.headers().contains_key(header::UPGRADE);
     if reads || app.gate.neighbours.trusts(request.headers(), &host(&request)?) {
-        return Ok(next.run(request).await);
+        return Ok(request);
     }
     Err(Problem::forbidden(
         "web pages of another origin may not change anything here; the operator can allow one by \

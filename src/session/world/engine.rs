@@ -190,6 +190,7 @@ impl Engine {
             idle.extend(concluded.iter().filter(|c| c.review).map(|c| c.key));
             failed.extend(concluded.iter().filter(|c| c.failed).map(|c| c.key));
             self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
+            self.vitals.note_stages(&self.backend.stage_times()?);
         }
         idle.into_iter().for_each(|key| self.review(key));
         failed.into_iter().for_each(|key| self.end_failed(key));

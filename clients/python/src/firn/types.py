@@ -145,6 +145,8 @@ class SessionView(Settings, Stamp):
     settled: bool
     """Whether nothing moves."""
     summary: Summary
+    device_memory_bytes: int
+    """Device memory that its cells take [bytes]."""
     created_at: str
     stream_url: str
 
