@@ -5,6 +5,7 @@ mod log;
 
 use std::net::SocketAddr;
 use std::num::NonZeroU32;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::builder::FalseyValueParser;
@@ -148,10 +149,40 @@ pub struct EngineConfig {
     /// Most device memory to use for snowpacks, as in `8GiB`; all there is where it is not given.
     #[arg(long, env = "FIRN_DEVICE_MEMORY", value_parser = parse_bytes, value_name = "BYTES")]
     pub device_memory: Option<u64>,
+}
+
+/// How sessions outlive the server.
+#[derive(Args, Clone, Debug)]
+pub struct StoreConfig {
+    /// Directory that sessions are kept in; one server at a time may use it.
+    #[arg(long, env = "FIRN_DATA_DIR", default_value = "./firn-data", value_name = "DIRECTORY")]
+    pub data_dir: PathBuf,
 
     /// Keep sessions in memory only: they are gone when the server stops.
     #[arg(long, env = "FIRN_EPHEMERAL", value_parser = FalseyValueParser::new())]
     pub ephemeral: bool,
+
+    /// Time after a change until the session is saved whole, as in `60s`; until then a restart
+    /// repeats its changes.
+    #[arg(
+        long,
+        env = "FIRN_CHECKPOINT_INTERVAL",
+        default_value = "60s",
+        value_parser = parse_duration,
+        value_name = "TIME"
+    )]
+    pub checkpoint_interval: Duration,
+
+    /// Longest time to stop in, as in `30s`: requests under way end, streams are closed, and
+    /// sessions are saved.
+    #[arg(
+        long,
+        env = "FIRN_DRAIN_TIMEOUT",
+        default_value = "30s",
+        value_parser = parse_duration,
+        value_name = "TIME"
+    )]
+    pub drain_timeout: Duration,
 }
 
 /// What computes.

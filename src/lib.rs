@@ -19,5 +19,6 @@ pub mod problem;
 pub mod render;
 pub mod session;
 pub mod snow;
+pub mod store;
 pub mod stream;
 pub mod telemetry;

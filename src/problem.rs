@@ -160,6 +160,12 @@ impl Problem {
         Problem::new(status, "out-of-memory", "Device memory is full", detail)
     }
 
+    /// 507: what was asked for can't be stored.
+    pub fn storage_failed(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::INSUFFICIENT_STORAGE;
+        Problem::new(status, "storage-failed", "Changes can't be stored", detail)
+    }
+
     /// 503: not ready, stopping, or too slow just now.
     pub fn unavailable(detail: impl Into<String>) -> Problem {
         let status = StatusCode::SERVICE_UNAVAILABLE;
@@ -190,6 +196,7 @@ impl From<SessionError> for Problem {
                     .retry_after(RETRY_WHEN_FULL)
             }
             SessionError::OutOfMemory(_) => Problem::out_of_memory(detail),
+            SessionError::StorageFailed(_) => Problem::storage_failed(detail),
             SessionError::Unavailable(_) => Problem::unavailable(detail),
             SessionError::Internal(_) => Problem::internal(detail),
         }
@@ -248,6 +255,7 @@ mod tests {
             (SessionError::Internal(String::new()), 500),
             (SessionError::Unavailable(String::new()), 503),
             (SessionError::OutOfMemory(String::new()), 507),
+            (SessionError::StorageFailed(String::new()), 507),
         ];
         for (error, status) in cases {
             assert_eq!(Problem::from(error.clone()).status, status, "{error:?}");

@@ -30,7 +30,7 @@ pub(super) struct Host {
 impl Host {
     /// Starts a world that publishes at a rate \[Hz\].
     pub fn start(plan: &Plan, publish_rate: f64) -> Result<Host, BenchError> {
-        let engine = EngineConfig { backend: plan.backend, device_memory: None, ephemeral: true };
+        let engine = EngineConfig { backend: plan.backend, device_memory: None };
         let limits = Limits {
             sessions: 1 << 20,
             cells_per_session: 1 << 40,

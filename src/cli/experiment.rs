@@ -76,7 +76,7 @@ impl Choice {
 /// what it should be.
 pub fn run(options: &Options) -> Result<(), Failure> {
     telemetry::log_what_goes_wrong();
-    let engine = EngineConfig { backend: options.backend, device_memory: None, ephemeral: true };
+    let engine = EngineConfig { backend: options.backend, device_memory: None };
     let backend = open_backend(&engine).map_err(|error| Failure::Failed(error.to_string()))?;
     let failed = |what: &str, error: std::io::Error| Failure::Failed(format!("{what}: {error}"));
     let runtime = tokio::runtime::Builder::new_current_thread()

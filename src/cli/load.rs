@@ -1,13 +1,15 @@
 //! `firn load`: the load tool.
 
+use std::fmt::Display;
 use std::time::Duration;
 
 use clap::Args;
 use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
+use serde::Serialize;
 use tokio_util::sync::CancellationToken;
 
 use crate::config::ApiKey;
-use crate::load::{self, Extent, Plan, Progress, Protocol, Report};
+use crate::load::{self, Extent, LoadError, Plan, Progress, Protocol};
 
 use super::Failure;
 
@@ -23,13 +25,16 @@ What the figures mean:
   moves to acks    from sending a batch of moved objects to its ack.
   stalled clients  messages that a client read after its stall until it saw the newest state that
                    any client had at that moment, those in the sockets' buffers included.
+  durable          with --durable, a snowfall counts when it is acknowledged, which is when it is on
+                   the server's disk. Every client has one request under way.
   server memory    resident set of --server-pid before the first client, and at the end of the run.
                    Linux only, and only on the server's machine.
 
 Examples:
   firn load                                   100 clients of one session for 10 s
   firn load --clients 1000 --tick-rate 10 --max-rate 10 --duration 20s --server-pid $(pidof firn)
-  firn load --slow-clients 10 --stall 30s --duration 40s --json";
+  firn load --slow-clients 10 --stall 30s --duration 40s --json
+  firn load --durable --sessions 8 --clients 64";
 
 /// Options of `firn load`.
 #[derive(Args, Clone, Debug)]
@@ -61,6 +66,19 @@ pub struct Options {
     /// Columns of each session; each is 0.2 m wide and begins with 2 m of fresh snow.
     #[arg(long, default_value = "128x128", value_name = "COLUMNS")]
     grid: Extent,
+    /// Cells that a column can hold.
+    #[arg(long, default_value_t = 20, value_name = "CELLS")]
+    height: u32,
+    /// Let snow fall instead of watching it: each client asks for a little, waits until that is
+    /// durable, and asks again. The sessions are paused.
+    #[arg(long)]
+    durable: bool,
+    /// With --durable: end when each session has had as many snowfalls, not after --duration.
+    #[arg(long, requires = "durable", value_name = "SNOWFALLS")]
+    changes: Option<u64>,
+    /// With --durable: keep the sessions, to see what a restart makes of them.
+    #[arg(long, requires = "durable")]
+    keep: bool,
     /// Objects in each session, moved once per tick, all of them in one batch.
     #[arg(long, default_value_t = 20, value_name = "OBJECTS")]
     colliders: usize,
@@ -101,6 +119,7 @@ impl Options {
             stall: self.stall,
             region: self.region,
             grid: self.grid,
+            height: self.height,
             colliders: self.colliders,
             tick_rate: self.tick_rate,
             max_rate: self.max_rate,
@@ -120,11 +139,22 @@ pub fn run(options: &Options) -> Result<(), Failure> {
     let plan = options.plan()?;
     let runtime = tokio::runtime::Runtime::new()
         .map_err(|error| Failure::Failed(format!("starting threads: {error}")))?;
-    let report = runtime.block_on(carry_out(&plan))?;
+    if options.durable {
+        let (changes, keep) = (options.changes, options.keep);
+        let report = runtime.block_on(carry_out(&plan, async |observe, stop| {
+            load::run_durable(&plan, changes, keep, observe, stop).await
+        }))?;
+        return print(&report, options.json);
+    }
+    let report = runtime
+        .block_on(carry_out(&plan, async |observe, stop| load::run(&plan, observe, stop).await))?;
     print(&report, options.json)
 }
 
-async fn carry_out(plan: &Plan) -> Result<Report, Failure> {
+async fn carry_out<R>(
+    plan: &Plan,
+    run: impl AsyncFnOnce(&dyn Fn(Progress), &CancellationToken) -> Result<R, LoadError>,
+) -> Result<R, Failure> {
     let stop = CancellationToken::new();
     let interrupt = tokio::spawn({
         let stop = stop.clone();
@@ -136,7 +166,7 @@ async fn carry_out(plan: &Plan) -> Result<Report, Failure> {
     });
     let bar = progress_bar();
     let observe = |progress: Progress| bar.set_message(line(plan, &progress));
-    let result = load::run(plan, observe, &stop).await;
+    let result = run(&observe, &stop).await;
     bar.finish_and_clear();
     interrupt.abort();
     result.map_err(|error| Failure::Failed(error.to_string()))
@@ -166,7 +196,7 @@ fn line(plan: &Plan, progress: &Progress) -> String {
     )
 }
 
-fn print(report: &Report, json: bool) -> Result<(), Failure> {
+fn print(report: &(impl Display + Serialize), json: bool) -> Result<(), Failure> {
     let text = if json {
         serde_json::to_string_pretty(report)
             .map_err(|error| Failure::Failed(format!("the report can't be written: {error}")))?

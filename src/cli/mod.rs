@@ -45,7 +45,8 @@ pub struct Cli {
 enum Command {
     /// Serve snowpacks over HTTP and WebSocket
     ///
-    /// Every flag can be given as an environment variable too. SIGINT and SIGTERM stop the server
+    /// Sessions are kept in --data-dir and are there again after a restart. Every flag can be given
+    /// as an environment variable too. SIGINT and SIGTERM stop the server
     /// gracefully: it accepts no more, finishes what is under way, and ends; a second signal ends
     /// it at once.
     #[command(after_help = serve::EXAMPLES)]

@@ -2,22 +2,25 @@
 
 use std::io::ErrorKind;
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use clap::Args;
 use tokio::net::TcpListener;
+use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
 use crate::config::{
     AccessConfig, BackendChoice, ConnectionConfig, EngineConfig, LimitsConfig, ListenConfig,
-    LogConfig, RequestConfig, StreamConfig,
+    LogConfig, RequestConfig, StoreConfig, StreamConfig,
 };
 use crate::engine::cpu::CpuBackend;
 use crate::engine::frame::{Backend, EngineError};
 use crate::engine::gpu::GpuBackend;
 use crate::http::{self, App, Gate};
 use crate::open_files;
-use crate::session::{Sessions, World, WorldConfig};
+use crate::session::{Durability, SessionError, Sessions, World, WorldConfig};
+use crate::store::{Ephemeral, RedbStore, Store};
 use crate::telemetry::Telemetry;
 
 use super::signals::Signals;
@@ -33,10 +36,14 @@ const OTHER_FILES: u64 = 64;
 /// neither the publications' beat nor the usual tick rates', so that each kind of frame has its turn.
 const TIMED_FRAME: u32 = 61;
 
+/// Part of the drain timeout that is kept for saving sessions.
+const SAVING: f64 = 0.4;
+
 /// Shown below the flags.
 pub const EXAMPLES: &str = "\
 Examples:
   firn serve --demo                        a snowpack to look at: GET /v1/sessions/demo
+  firn serve --ephemeral                   keep nothing when it stops
   firn serve --backend cpu                 without a graphics device
   firn serve --listen 127.0.0.1:0          on a free port; the log says which
   firn serve --listen [::]:8080 --api-key-file key --tls-cert cert.pem --tls-key key.pem
@@ -61,6 +68,8 @@ pub struct Serve {
     connections: ConnectionConfig,
     #[command(flatten)]
     engine: EngineConfig,
+    #[command(flatten)]
+    store: StoreConfig,
     #[command(flatten)]
     limits: LimitsConfig,
     #[command(flatten)]
@@ -117,27 +126,71 @@ fn start(options: &Serve) -> Result<(), Failure> {
     let listener = runtime
         .block_on(TcpListener::bind(address))
         .map_err(|error| not_listening(address, &error))?;
-    let backend =
-        open_backend(&options.engine).map_err(|error| Failure::Failed(error.to_string()))?;
     let config =
         WorldConfig { limits: options.limits.limits(), publish_rate: PUBLISH_RATE, sleep: true };
+    let store = open_store(&options.store)?;
+    let durability = Durability { store, checkpoint_interval: options.store.checkpoint_interval };
+    let engine = options.engine;
     let (sessions, world) =
-        World::start(backend, config).map_err(|error| failed("starting the engine", error))?;
-    let served = runtime.block_on(serve(options, listener, sessions, gate));
-    world.stop();
+        World::open(Box::new(move || open_backend(&engine)), config, durability)
+            .map_err(|error| Failure::Failed(error.to_string()))?;
+    let (served, deadline) = runtime.block_on(serve(options, listener, sessions, gate));
+    world.stop_by(deadline.into_std());
     info!("stopped");
     served
 }
 
+/// Serves until it is to stop. Returns when everything has to be over as well.
 async fn serve(
     options: &Serve,
     listener: TcpListener,
     sessions: Sessions,
     gate: Gate,
-) -> Result<(), Failure> {
+) -> (Result<(), Failure>, Instant) {
     // From before anybody is told that there is a server: who starts it may stop it at once.
-    let signals =
-        Signals::new().map_err(|error| Failure::Failed(format!("taking signals: {error}")))?;
+    let signals = match Signals::new() {
+        Ok(signals) => signals,
+        Err(error) => {
+            return (Err(Failure::Failed(format!("taking signals: {error}"))), Instant::now());
+        }
+    };
+    if let Err(failure) = introduce(options, &listener, &sessions, &gate) {
+        return (Err(failure), Instant::now());
+    }
+    let shutdown = CancellationToken::new();
+    let signals = tokio::spawn(stop_on_signal(signals, shutdown.clone()));
+    if options.demo {
+        tokio::spawn(make_demo(sessions.clone()));
+    }
+    let app = App::new(sessions.clone(), options.requests, options.stream, gate);
+    let patience = options.store.drain_timeout;
+    let serving = http::run(listener, app, shutdown.clone());
+    let draining = async {
+        shutdown.cancelled().await;
+        sessions.close();
+        let deadline = Instant::now() + patience;
+        sleep_until(deadline - patience.mul_f64(SAVING)).await;
+        deadline
+    };
+    tokio::pin!(serving, draining);
+    let (served, deadline) = tokio::select! {
+        served = &mut serving => (served, Instant::now() + patience.mul_f64(SAVING)),
+        deadline = &mut draining => {
+            warn!("requests or streams were still under way; they are cut");
+            (Ok(()), deadline)
+        }
+    };
+    signals.abort();
+    (served.map_err(|error| Failure::Failed(format!("serving: {error}"))), deadline)
+}
+
+/// Says where the server listens and on what it runs.
+fn introduce(
+    options: &Serve,
+    listener: &TcpListener,
+    sessions: &Sessions,
+    gate: &Gate,
+) -> Result<(), Failure> {
     let address = listener
         .local_addr()
         .map_err(|error| Failure::Failed(format!("the address listened on: {error}")))?;
@@ -152,19 +205,42 @@ async fn serve(
         auth = if gate.access.is_open() { "open" } else { "required" },
         "listening on {scheme}://{address}"
     );
-    info!("sessions live in memory only: they are gone when the server stops");
+    if options.store.ephemeral {
+        info!("sessions live in memory only: they are gone when the server stops");
+    } else {
+        info!("sessions are kept in {}", options.store.data_dir.display());
+    }
     if options.demo {
-        demo::create(&sessions)
-            .await
-            .map_err(|error| Failure::Failed(format!("the session 'demo': {error}")))?;
         info!("the session 'demo' is at {scheme}://{address}/v1/sessions/demo");
     }
-    let shutdown = CancellationToken::new();
-    let signals = tokio::spawn(stop_on_signal(signals, shutdown.clone()));
-    let app = App::new(sessions, options.requests, options.stream, gate);
-    let served = http::run(listener, app, shutdown).await;
-    signals.abort();
-    served.map_err(|error| Failure::Failed(format!("serving: {error}")))
+    Ok(())
+}
+
+/// Creates the session `demo`, unless it is there from before.
+async fn make_demo(sessions: Sessions) {
+    while !sessions.vitals().is_recovered() {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    match demo::create(&sessions).await {
+        Ok(()) | Err(SessionError::Conflict(_)) => {}
+        Err(error) => warn!("the session 'demo' could not be made: {error}"),
+    }
+}
+
+/// Opens what sessions are kept in.
+///
+/// # Errors
+/// Where it can't be used.
+fn open_store(config: &StoreConfig) -> Result<Box<dyn Store>, Failure> {
+    if config.ephemeral {
+        return Ok(Box::new(Ephemeral));
+    }
+    match RedbStore::in_directory(&config.data_dir) {
+        Ok(store) => Ok(Box::new(store)),
+        Err(error) => Err(Failure::Failed(format!(
+            "{error}; choose another with --data-dir, or keep nothing with --ephemeral"
+        ))),
+    }
 }
 
 /// Opens what the snowpacks will live on.

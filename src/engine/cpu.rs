@@ -25,6 +25,7 @@ pub struct CpuBackend {
     memory: u64,
     memory_budget: Option<u64>,
     always_awake: bool,
+    lost: bool,
 }
 
 /// Tiles of the snowpacks that publish in a frame.
@@ -47,6 +48,7 @@ impl CpuBackend {
             memory: 0,
             memory_budget,
             always_awake,
+            lost: false,
         }
     }
 
@@ -133,6 +135,9 @@ impl Backend for CpuBackend {
     }
 
     fn submit(&mut self, frame: Frame) -> Result<(), EngineError> {
+        if self.lost {
+            return Err(EngineError::DeviceFailed("the device was lost".to_owned()));
+        }
         let mut outcome = Outcome::default();
         let mut tiles = Tiles::default();
         for work in frame.work {
@@ -150,6 +155,10 @@ impl Backend for CpuBackend {
 
     fn memory(&self) -> u64 {
         self.memory
+    }
+
+    fn lose(&mut self) {
+        self.lost = true;
     }
 }
 

@@ -286,4 +286,8 @@ pub trait Backend {
     fn stage_times(&self) -> Result<Vec<(&'static str, Duration)>, EngineError> {
         Ok(Vec::new())
     }
+
+    /// Loses the device, as when its driver crashes, for tests of what happens then.
+    #[doc(hidden)]
+    fn lose(&mut self);
 }

@@ -71,7 +71,9 @@ fn idempotency_key() -> Parameter {
         .required(Required::False)
         .description(Some(
             "The client's own name for this request. Sent again with it within 10 minutes, the \
-             request gets the first answer, with `Idempotent-Replayed: true`, and changes nothing.",
+             request gets the first answer, with `Idempotent-Replayed: true`, and changes nothing. \
+             After a restart of the server too: the session that a request made is told then as it \
+             is by then, with its first tokens.",
         ))
         .schema(Some(key.min_length(Some(1)).max_length(Some(255)).build()))
         .build()
@@ -85,7 +87,7 @@ fn idempotency_key() -> Parameter {
         description = "Simulates snowpacks on the GPU: create a session, let snow fall, put \
             objects on it, and read how it settles.\n\nSI units and °C throughout; positions are \
             metres unless they are called `column`. A change is applied in the next frame, between \
-            two ticks, and is acknowledged once it is visible to the next read. Every error is an \
+            two ticks, and is acknowledged once it is on disk and visible to the next read. Every error is an \
             `application/problem+json` document (RFC 9457) that names the fields that were wrong.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0")
     ),
@@ -141,9 +143,14 @@ pub enum SessionProblems {
     /// Handling the request failed inside the server.
     #[response(status = 500, content_type = "application/problem+json")]
     Internal(Problem),
-    /// The server is stopping, its engine has failed, or the time limit of requests is over.
+    /// The server is bringing sessions back or stopping, its engine has failed, or the time limit of
+    /// requests is over.
     #[response(status = 503, content_type = "application/problem+json")]
     Unavailable(Problem),
+    /// The change can't be stored, and was not made; or the session hibernates and there is no
+    /// device memory to wake it.
+    #[response(status = 507, content_type = "application/problem+json")]
+    Full(Problem),
 }
 
 /// Problems of every call with a JSON body.

@@ -1,16 +1,20 @@
 //! `Idempotency-Key`: a request that is sent again gets the first answer, and changes nothing.
 
 use axum::body::{Body, to_bytes};
+use std::convert::Infallible;
+
 use axum::extract::rejection::RawPathParamsRejection;
-use axum::extract::{MatchedPath, RawPathParams, Request, State};
+use axum::extract::{FromRequestParts, MatchedPath, RawPathParams, Request, State};
+use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 use crate::problem::Problem;
-use crate::session::{Answer, Idempotency, NoPlace, RequestKey};
+use crate::session::{Answer, Idempotency, NoPlace, Once, RequestKey};
 
 use super::extract::read_body;
+use super::gate::bearer;
 use super::state::App;
 
 /// The header that names a request.
@@ -30,6 +34,17 @@ pub const CALLS: [&str; 5] = [
 
 /// Longest key \[bytes\].
 const LONGEST_KEY: usize = 255;
+
+/// What tells a request from all others, where it carries a key.
+pub struct Keyed(pub Option<Once>);
+
+impl<S: Sync> FromRequestParts<S> for Keyed {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Keyed, Infallible> {
+        Ok(Keyed(parts.extensions.get().cloned()))
+    }
+}
 
 /// Answers a request that was answered before as it was then; carries out all others.
 ///
@@ -55,8 +70,16 @@ pub async fn answer_once(
         Some(None) => return Ok(next.run(request).await),
     };
     let key = hash(&[epoch.as_bytes(), path.as_str().as_bytes(), given.as_bytes()]);
-    let (request, content) = read(request, &app).await?;
+    let (mut request, content) = read(request, &app).await?;
     let place = app.repeats.lookup(key, content).map_err(refuse)?;
+    // Before the last start, or by a request whose answer was not kept.
+    let before = app.sessions.asked_before(&key);
+    if before.is_some_and(|before| before != content) {
+        return Err(refuse(NoPlace::OtherRequest));
+    }
+    let token = bearer(request.headers()).unwrap_or_default();
+    let secret = hash(&[given.as_bytes(), token.as_bytes()]);
+    request.extensions_mut().insert(Once { key, request: content, secret });
 
     // A task of its own: where the client goes away, what it began is still done, and noted.
     let answering = tokio::spawn(async move {
@@ -68,7 +91,7 @@ pub async fn answer_once(
             Ok(answer)
         };
         match place.answer.get_or_try_init(carry_out).await {
-            Ok(answer) => restore(answer, !carried_out),
+            Ok(answer) => restore(answer, !carried_out || before.is_some()),
             Err(Unkept(response)) => *response,
         }
     });

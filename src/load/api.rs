@@ -7,9 +7,6 @@ use crate::config::ApiKey;
 
 use super::{CELL_SIZE, LoadError, Plan};
 
-/// Cells that a column can hold.
-const CELLS: u32 = 20;
-
 /// Snow at the beginning \[m\].
 const SNOW: f64 = 2.0;
 
@@ -43,7 +40,7 @@ impl Api {
     pub async fn create(&self, id: &str, plan: &Plan) -> Result<(), LoadError> {
         let body = json!({
             "id": id,
-            "grid": {"width": plan.grid.width, "depth": plan.grid.depth, "height": CELLS,
+            "grid": {"width": plan.grid.width, "depth": plan.grid.depth, "height": plan.height,
                      "cell_size": CELL_SIZE},
             "tick_rate": plan.tick_rate,
             "paused": true,
@@ -62,6 +59,15 @@ impl Api {
     pub async fn unpause(&self, id: &str) -> Result<(), LoadError> {
         let body = json!({"paused": false});
         self.call(Method::PATCH, &format!("/{id}"), Some(body)).await.map(drop)
+    }
+
+    /// Lets as little snow fall as a session takes in.
+    pub async fn snow(&self, id: &str) -> Result<(), LoadError> {
+        let body = json!({"depth": CELL_SIZE / 200.0});
+        let response = self.call(Method::POST, &format!("/{id}/snowfalls"), Some(body)).await?;
+        // The connection is only used again once the answer is read.
+        let read = response.bytes().await;
+        read.map(drop).map_err(|error| LoadError(format!("an answer broke off: {error}")))
     }
 
     /// Ticks of a session so far.

@@ -3,6 +3,7 @@
 //! It talks to the server by its public interface alone. See [`Report`] for what is measured.
 
 mod api;
+mod durable;
 mod message;
 mod mover;
 mod report;
@@ -24,6 +25,7 @@ use crate::open_files;
 use api::Api;
 use tally::{Moves, Tally};
 
+pub use durable::{DurableReport, run_durable};
 pub use report::{Memory, Percentiles, Report};
 
 /// Side of a column \[m\].
@@ -106,6 +108,8 @@ pub struct Plan {
     pub region: Extent,
     /// Columns of each session.
     pub grid: Extent,
+    /// Cells that each of their columns can hold.
+    pub height: u32,
     /// Moving objects in each session.
     pub colliders: usize,
     /// Ticks per second of each session \[Hz\]; objects are moved as often.

@@ -76,7 +76,7 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
-    fn of(times: &Times) -> Option<Percentiles> {
+    pub(super) fn of(times: &Times) -> Option<Percentiles> {
         Some(Percentiles {
             count: times.count(),
             p50: times.quantile(0.5)?,

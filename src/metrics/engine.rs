@@ -1,4 +1,4 @@
-//! Sessions, frames and memory, read from the engine whenever somebody looks.
+//! Sessions, frames, memory and the store, read from the engine whenever somebody looks.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Unit;
 
-use crate::session::{Sessions, StageTimes, Vitals};
+use crate::session::{Sessions, StageTimes, StoreVitals, Vitals};
 
 /// Reads the engine's state.
 #[derive(Debug)]
@@ -20,7 +20,8 @@ impl Collector for EngineCollector {
         let mut write = Writer(&mut encoder);
         held(&mut write, &self.0)?;
         frames(&mut write, self.0.vitals())?;
-        stages(&mut write, &self.0.vitals().stage_times())
+        stages(&mut write, &self.0.vitals().stage_times())?;
+        stored(&mut write, &self.0.vitals().store)
     }
 }
 
@@ -29,6 +30,8 @@ fn held(write: &mut Writer, sessions: &Sessions) -> fmt::Result {
     let totals = sessions.totals();
     let bytes = Some(&Unit::Bytes);
     write.gauge("sessions", "Sessions there are", None, sessions.count() as u64)?;
+    let help = "Sessions that hibernate";
+    write.gauge("hibernating_sessions", help, None, sessions.vitals().hibernating())?;
     write.gauge("tiles", "Tiles of all sessions", None, totals.tiles)?;
     let help = "Tiles of all sessions in which snow moves";
     write.gauge("active_tiles", help, None, totals.active_tiles)?;
@@ -42,9 +45,9 @@ fn held(write: &mut Writer, sessions: &Sessions) -> fmt::Result {
 fn frames(write: &mut Writer, vitals: &Vitals) -> fmt::Result {
     let seconds = Some(&Unit::Seconds);
     let help = "1 while frames are carried out, else 0";
-    write.gauge("engine_healthy", help, None, vitals.is_healthy().into())?;
+    write.gauge("engine_healthy", help, None, u64::from(vitals.is_healthy()))?;
     let help = "1 while ticks slip behind the clock";
-    write.gauge("engine_overloaded", help, None, vitals.is_overloaded().into())?;
+    write.gauge("engine_overloaded", help, None, u64::from(vitals.is_overloaded()))?;
     write.counter("frames", "Frames that were carried out", None, vitals.frames())?;
     let help = "Time that frames took, from planning to publishing";
     write.counter("frame_time", help, seconds, vitals.frame_time().as_secs_f64())?;
@@ -67,6 +70,21 @@ fn stages(write: &mut Writer, times: &StageTimes) -> fmt::Result {
     Ok(())
 }
 
+/// What is kept.
+fn stored(write: &mut Writer, store: &StoreVitals) -> fmt::Result {
+    let help = "1 while changes can be stored, else 0";
+    write.gauge("store_healthy", help, None, u64::from(store.is_healthy()))?;
+    let help = "Time that commits took until they were on disk";
+    write.write("store_commit_duration", help, Some(&Unit::Seconds), store.commits())?;
+    write.counter("store_checkpoints", "Checkpoints stored", None, store.checkpoints())?;
+    let help = "Bytes of the checkpoints stored, compressed";
+    write.counter("store_checkpoint", help, Some(&Unit::Bytes), store.checkpoint_bytes())?;
+    let help = "Time that bringing sessions back took at the start";
+    write.gauge("store_recovery", help, Some(&Unit::Seconds), store.recovery().as_secs_f64())?;
+    let help = "Sessions that could not be brought back at the start";
+    write.gauge("store_lost_sessions", help, None, store.lost_sessions())
+}
+
 #[derive(Clone, Debug, EncodeLabelSet)]
 struct Stage {
     stage: &'static str,
@@ -76,7 +94,10 @@ struct Stage {
 struct Writer<'a, 'b>(&'a mut DescriptorEncoder<'b>);
 
 impl Writer<'_, '_> {
-    fn gauge(&mut self, name: &str, help: &str, unit: Option<&Unit>, value: u64) -> fmt::Result {
+    fn gauge<N>(&mut self, name: &str, help: &str, unit: Option<&Unit>, value: N) -> fmt::Result
+    where
+        ConstGauge<N>: EncodeMetric,
+    {
         self.write(name, help, unit, &ConstGauge::new(value))
     }
 

@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use tracing::warn;
+
 use crate::engine::frame::{Edit, Placement};
 use crate::snow::{ColumnRect, Contact, Footprint, Grid, Material, Shape};
 
@@ -10,6 +12,8 @@ use super::change::{
     Change, Clearing, ColliderBatch, ColliderPatch, ColliderSpec, Region, SettingsPatch, Snowfall,
 };
 use super::error::{Check, SessionError};
+use super::journal::Event;
+use super::once::Once;
 use super::orders::{Answer, Reply, ReplyKind};
 use super::simulation::{Collider, Simulation};
 use super::view::{Applied, Settings};
@@ -21,21 +25,40 @@ impl Simulation {
     /// Takes a change into the next frame, or refuses it whole.
     pub(super) fn change(
         &mut self,
-        change: Change,
+        mut change: Change,
+        once: Option<Once>,
         most_colliders: usize,
         answer: Answer<Applied>,
     ) {
-        match self.apply(change, most_colliders) {
-            Ok(kind) => self.next.replies.push(Reply::Change { kind, answer }),
+        name_collider(&mut change);
+        let tick = self.clock.tick();
+        match self.apply(&change, most_colliders) {
+            Ok(kind) => {
+                self.log.record(tick, Event::Change(change));
+                self.next.replies.push(Reply::Change { kind, once, answer: Some(answer) });
+            }
             // Nobody is left to be told where this fails.
             Err(error) => drop(answer.send(Err(error))),
         }
     }
 
-    fn apply(&mut self, change: Change, most: usize) -> Result<ReplyKind, SessionError> {
+    /// Takes a change into the next frame that was taken before.
+    pub(super) fn repeat_change(&mut self, change: &Change) {
+        match self.apply(change, usize::MAX) {
+            Ok(kind) => {
+                self.next.replies.push(Reply::Change { kind, once: None, answer: None });
+            }
+            Err(error) => {
+                let session = &self.session.id;
+                warn!(session, "a change in the journal can't be repeated: {error}");
+            }
+        }
+    }
+
+    fn apply(&mut self, change: &Change, most: usize) -> Result<ReplyKind, SessionError> {
         match change {
-            Change::Snowfall(snowfall) => self.apply_snowfall(&snowfall),
-            Change::Clearing(clearing) => self.apply_clearing(&clearing),
+            Change::Snowfall(snowfall) => self.apply_snowfall(snowfall),
+            Change::Clearing(clearing) => self.apply_clearing(clearing),
             Change::AirTemperature(air) => {
                 let mut check = Check::default();
                 check.temperature("/celsius", air.celsius);
@@ -44,7 +67,7 @@ impl Simulation {
                 self.next.changed = true;
                 Ok(ReplyKind::AirTemperature)
             }
-            Change::Settings(patch) => self.apply_settings(&patch),
+            Change::Settings(patch) => self.apply_settings(patch),
             Change::CreateCollider(spec) => {
                 if let Some(id) = spec.id.as_deref().filter(|id| self.colliders.contains_key(*id)) {
                     return Err(SessionError::Conflict(format!(
@@ -54,10 +77,10 @@ impl Simulation {
                 self.put_collider(spec, most)
             }
             Change::PutCollider(spec) => self.put_collider(spec, most),
-            Change::PatchCollider { id, patch } => self.patch_collider(&id, &patch, most),
+            Change::PatchCollider { id, patch } => self.patch_collider(id, patch, most),
             Change::DeleteCollider { id } => {
-                self.known_collider(&id)?;
-                self.remove_collider(&id);
+                self.known_collider(id)?;
+                self.remove_collider(id);
                 Ok(ReplyKind::Stamp)
             }
             Change::Colliders(batch) => self.apply_batch(batch, most),
@@ -125,17 +148,18 @@ impl Simulation {
         Ok(ReplyKind::Settings)
     }
 
-    fn put_collider(&mut self, spec: ColliderSpec, most: usize) -> Result<ReplyKind, SessionError> {
+    fn put_collider(
+        &mut self,
+        spec: &ColliderSpec,
+        most: usize,
+    ) -> Result<ReplyKind, SessionError> {
         let mut check = Check::default();
-        let id: Arc<str> = match &spec.id {
-            Some(id) => Arc::from(id.as_str()),
-            None => Arc::from(ulid::Ulid::generate().to_string()),
-        };
+        let id: Arc<str> = Arc::from(spec.id.as_deref().unwrap_or_default());
         let created = !self.colliders.contains_key(&id);
         if created && self.colliders.len() >= most {
             check.reject("", format!("a session may have at most {most} colliders"));
         }
-        let edit = self.check_collider(&mut check, "", &id, &spec);
+        let edit = self.check_collider(&mut check, "", &id, spec);
         check.finish()?;
         self.place(edit);
         Ok(ReplyKind::Collider { id, created })
@@ -154,12 +178,12 @@ impl Simulation {
             shape: patch.shape.unwrap_or(old.shape),
             position: patch.position.unwrap_or(old.position),
         };
-        self.put_collider(spec, most)
+        self.put_collider(&spec, most)
     }
 
     fn apply_batch(
         &mut self,
-        batch: ColliderBatch,
+        batch: &ColliderBatch,
         most: usize,
     ) -> Result<ReplyKind, SessionError> {
         let mut check = Check::default();
@@ -240,6 +264,13 @@ impl Simulation {
     fn known_collider(&self, id: &str) -> Result<Collider, SessionError> {
         let unknown = || SessionError::NotFound { kind: "collider", id: id.to_owned() };
         self.colliders.get(id).cloned().ok_or_else(unknown)
+    }
+}
+
+/// Gives an object a name that has none, so that it has the same one when the change is repeated.
+fn name_collider(change: &mut Change) {
+    if let Change::CreateCollider(spec) | Change::PutCollider(spec) = change {
+        spec.id.get_or_insert_with(|| ulid::Ulid::generate().to_string());
     }
 }
 

@@ -6,7 +6,8 @@ use utoipa::ToSchema;
 use crate::snow::{Position, Shape};
 
 /// A change of a session, validated when it is applied.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Change {
     /// Fresh snow falls.
     Snowfall(Snowfall),
@@ -111,13 +112,12 @@ pub struct SettingsPatch {
     /// Exponent n of the stiffness law.
     #[schema(minimum = 3, maximum = 6)]
     pub stiffness_exponent: Option<f64>,
-    /// Seconds without request or stream after which the session may hibernate, `null` for never;
-    /// this version keeps it awake.
-    #[serde(deserialize_with = "some")]
+    /// Seconds without request or stream after which the session hibernates, `null` for never.
+    #[serde(deserialize_with = "some", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<f64>, minimum = 1, maximum = 1e9)]
     pub idle_timeout_s: Option<Option<f64>>,
     /// Seconds without request or stream after which the session is deleted; `null` for never.
-    #[serde(deserialize_with = "some")]
+    #[serde(deserialize_with = "some", skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<f64>, minimum = 1, maximum = 1e9)]
     pub delete_after_s: Option<Option<f64>>,
 }

@@ -35,6 +35,9 @@ pub enum SessionError {
     /// The device's memory is full.
     #[error("{0}")]
     OutOfMemory(String),
+    /// The change can't be stored: the disk is full, or fails.
+    #[error("{0}")]
+    StorageFailed(String),
     /// The engine is stopping, or has failed.
     #[error("{0}")]
     Unavailable(String),

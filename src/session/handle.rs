@@ -1,7 +1,7 @@
 //! A session as the rest of the server sees it.
 
 use std::any::Any;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 
 use serde::Serialize;
@@ -13,11 +13,13 @@ use crate::engine::frame::{TileCells, cell_bytes};
 use crate::snow::{CELL, ColumnRect};
 
 use super::change::{Change, StepSpec};
-use super::clock::FRAME_RATE;
+use super::clock::{Clock, FRAME_RATE};
 use super::error::{Invalid, SessionError};
 use super::gather::Sampled;
+use super::journal::Identity;
 use super::message::{self, Message};
 use super::mirror::Mirror;
+use super::once::{Answered, Once};
 use super::registry::Sessions;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
@@ -96,6 +98,10 @@ pub struct Session {
     pub(super) published: watch::Sender<Stamp>,
     pub(super) events: broadcast::Sender<Event>,
     pub(super) gone: CancellationToken,
+    /// Its memory is freed, and its time stands still.
+    pub(super) hibernating: AtomicBool,
+    /// Seqs, first and last, whose states were lost.
+    lost: RwLock<Arc<[(u64, u64)]>>,
     /// Lowest and highest elevation of the ground \[m\].
     pub(super) ground: (f64, f64),
     /// Frame of the newest request.
@@ -103,6 +109,7 @@ pub struct Session {
     pub(super) world: mpsc::Sender<Message>,
     /// Frames so far, of all sessions.
     pub(super) frames: Arc<AtomicU64>,
+    answered: Arc<Answered>,
     companion: OnceLock<Arc<dyn Any + Send + Sync>>,
 }
 
@@ -114,27 +121,77 @@ impl Session {
         origin: Option<Arc<[u8]>>,
         tokens: TokenHashes,
     ) -> Session {
-        let clock = super::clock::Clock::new(spec.tick_rate, spec.time_scale);
-        let mirror = Mirror::new(spec.grid, spec.material, spec.settings(), clock);
-        Session {
+        let key = sessions.keys.fetch_add(1, Ordering::Relaxed);
+        let identity = Identity {
             id,
             epoch: ulid::Ulid::generate().to_string(),
             created_at: humantime::format_rfc3339_millis(std::time::SystemTime::now()).to_string(),
+            tokens,
+            spec,
+        };
+        Session::identified(sessions, key, identity, origin)
+    }
+
+    /// A session that is known already.
+    pub(super) fn identified(
+        sessions: &Sessions,
+        key: u64,
+        identity: Identity,
+        origin: Option<Arc<[u8]>>,
+    ) -> Session {
+        let Identity { id, epoch, created_at, tokens, spec } = identity;
+        let clock = Clock::new(spec.tick_rate, spec.time_scale);
+        let mirror = Mirror::new(spec.grid, spec.material, spec.settings(), clock);
+        Session {
+            id,
+            epoch,
+            created_at,
             origin,
             limits: *sessions.limits(),
             decoding: sessions.decoding.clone(),
             tokens: watch::Sender::new(tokens),
-            key: sessions.keys.fetch_add(1, Ordering::Relaxed),
+            key,
             published: watch::Sender::new(Stamp { tick: clock.tick(), seq: mirror.seq }),
             mirror: RwLock::new(mirror),
             events: broadcast::Sender::new(EVENT_BACKLOG),
             gone: CancellationToken::new(),
+            hibernating: AtomicBool::new(false),
+            lost: RwLock::new(Arc::new([])),
             ground: spec.ground_range(),
             last_used: AtomicU64::new(sessions.frames.load(Ordering::Relaxed)),
             world: sessions.world.clone(),
             frames: sessions.frames.clone(),
+            answered: sessions.answered.clone(),
             companion: OnceLock::new(),
             spec,
+        }
+    }
+
+    /// Goes on from what was published before the server was started.
+    pub(super) fn go_on_from(&self, seq: u64, versions: Option<&[u64]>) {
+        let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        mirror.go_on_from(seq, versions);
+        let tick = mirror.clock.tick();
+        drop(mirror);
+        self.published.send_replace(Stamp { tick, seq });
+    }
+
+    /// Shows that time does not pass any more.
+    pub(super) fn stand_still(&self, clock: Clock) {
+        let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        mirror.clock = clock;
+        mirror.resting_since = None;
+        mirror.active_tiles = 0;
+    }
+
+    /// What the journal knows it by.
+    pub(super) fn identity(&self) -> Identity {
+        Identity {
+            id: self.id.clone(),
+            epoch: self.epoch.clone(),
+            created_at: self.created_at.clone(),
+            tokens: self.tokens(),
+            spec: self.spec.clone(),
         }
     }
 
@@ -148,20 +205,37 @@ impl Session {
         self.tokens.subscribe()
     }
 
-    /// Gives it other tokens; the old ones stop working, and streams that were opened with them
-    /// end.
+    /// Gives it other tokens. When this returns that is durable, the old ones have stopped working,
+    /// and streams that were opened with them end.
     ///
     /// # Errors
-    /// [`SessionError::Internal`] where there are no random numbers.
+    /// [`SessionError::StorageFailed`], and [`SessionError::Internal`] where there are no random
+    /// numbers; the old ones go on working then.
     pub async fn reissue_tokens(&self) -> Result<Tokens, SessionError> {
         let tokens = Tokens::generate()
             .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
-        self.set_tokens(tokens.hashes());
+        let hashes = tokens.hashes();
+        self.ask(|reply| Message::Tokens { key: self.key, hashes, reply }).await?;
         Ok(tokens)
     }
 
     pub(super) fn set_tokens(&self, tokens: TokenHashes) {
         self.tokens.send_replace(tokens);
+    }
+
+    /// Seqs, first and last, whose states were lost: what has changed since can't be told.
+    pub fn lost_seqs(&self) -> Arc<[(u64, u64)]> {
+        self.lost.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub(super) fn set_lost_seqs(&self, lost: &[(u64, u64)]) {
+        *self.lost.write().unwrap_or_else(PoisonError::into_inner) = lost.into();
+    }
+
+    /// The snapshot that it was made from, where it was.
+    pub(super) fn origin_snapshot(&self) -> Option<Snapshot> {
+        // It was decoded when the session was made.
+        self.origin.as_ref().and_then(|bytes| Snapshot::decode(bytes, &Limits::NONE).ok())
     }
 
     /// The published state. Hold it only to copy out of it: publications wait meanwhile.
@@ -215,14 +289,13 @@ impl Session {
     pub fn view(&self) -> SessionView {
         let mirror = self.mirror();
         let clock = mirror.clock_at(self.frame());
-        let state = if mirror.settings.paused { State::Paused } else { State::Running };
         SessionView {
             id: self.id.clone(),
             grid: mirror.grid,
             material: mirror.material,
             settings: mirror.settings,
             terrain: self.spec.terrain.clone(),
-            state,
+            state: self.state(mirror.settings.paused),
             tick: clock.tick(),
             seq: mirror.seq,
             epoch: self.epoch.clone(),
@@ -235,17 +308,41 @@ impl Session {
         }
     }
 
-    /// Device memory that its cells take \[bytes\].
+    /// Device memory that its cells take \[bytes\]: none while it hibernates.
     pub(super) fn device_memory(&self) -> u64 {
-        cell_bytes(&self.spec.grid)
+        if self.hibernating.load(Ordering::Relaxed) { 0 } else { cell_bytes(&self.spec.grid) }
     }
 
-    /// Applies a change in the next frame, and returns when the next read sees it.
+    fn state(&self, paused: bool) -> State {
+        match (self.hibernating.load(Ordering::Relaxed), paused) {
+            (true, _) => State::Hibernating,
+            (false, true) => State::Paused,
+            (false, false) => State::Running,
+        }
+    }
+
+    /// Applies a change in the next frame, and returns when it is durable and the next read sees it.
     ///
     /// # Errors
     /// Those of the change; it is applied whole or not at all.
     pub async fn change(&self, change: Change) -> Result<Applied, SessionError> {
-        self.ask(|reply| Message::Change { key: self.key, change, reply }).await
+        self.change_once(change, None).await
+    }
+
+    /// As [`Session::change`]; where the request was carried out before, its answer, and nothing
+    /// changes.
+    ///
+    /// # Errors
+    /// As [`Session::change`].
+    pub async fn change_once(
+        &self,
+        change: Change,
+        once: Option<Once>,
+    ) -> Result<Applied, SessionError> {
+        match self.answered.answer(once.as_ref()) {
+            Some(applied) => Ok(applied),
+            None => self.ask(|reply| Message::Change { key: self.key, change, once, reply }).await,
+        }
     }
 
     /// Steps a paused session as fast as the machine can. Dropping the future ends it early, at
@@ -347,7 +444,8 @@ impl Session {
     /// Runs a closure on the world's thread with the session's simulation, for diagnosis.
     ///
     /// # Errors
-    /// [`SessionError::Internal`] where the closure panics; the session is gone then.
+    /// [`SessionError::Internal`] where the closure panics; the session goes back to what is durable
+    /// of it then.
     pub async fn inspect<T: Send + 'static>(
         &self,
         look: impl FnOnce(&Simulation) -> T + Send + 'static,

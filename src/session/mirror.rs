@@ -67,6 +67,30 @@ impl Mirror {
         self.versions[tile as usize] = seq;
     }
 
+    /// Takes over a tile as it was when its version was noted.
+    pub(super) fn recall(&mut self, tile: u32, heights: &TileColumns) {
+        self.tiles[tile as usize] = *heights;
+    }
+
+    /// Whether a tile's heights are those already known.
+    pub(super) fn shows(&self, tile: u32, heights: &TileColumns) -> bool {
+        self.tiles[tile as usize] == *heights
+    }
+
+    /// Goes on from what was published before the server was started: up to `seq`, with the
+    /// versions that tiles had, where they are known.
+    pub(super) fn go_on_from(&mut self, seq: u64, versions: Option<&[u64]>) {
+        self.seq = seq;
+        if let Some(versions) = versions.filter(|known| known.len() == self.versions.len()) {
+            self.versions.copy_from_slice(versions);
+        }
+    }
+
+    /// `seq` at which each tile last changed.
+    pub(super) fn versions(&self) -> &[u64] {
+        &self.versions
+    }
+
     /// Publishes a change of a tile, for tests of what is made of it.
     #[cfg(test)]
     pub(crate) fn change(&mut self, tile: u32, seq: u64) {

@@ -8,8 +8,10 @@ mod falling;
 mod gather;
 mod handle;
 mod idempotency;
+mod journal;
 mod message;
 mod mirror;
+mod once;
 mod orders;
 mod pace;
 mod probe;
@@ -34,7 +36,9 @@ pub use error::{Invalid, SessionError};
 pub use gather::{Gathered, MOST_SAMPLES, Sampled};
 pub use handle::{Event, Session};
 pub use idempotency::{Answer, Idempotency, NoPlace, Place, RequestKey};
+pub use journal::StoreVitals;
 pub use mirror::{Mirror, TileColumns};
+pub use once::Once;
 pub use probe::{Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use registry::{Sessions, Totals};
 pub use simulation::Simulation;
@@ -47,4 +51,4 @@ pub use view::{
     Summary, WeakLayerView,
 };
 pub use vitals::{FrameTime, StageTimes, Vitals};
-pub use world::{World, WorldConfig};
+pub use world::{Durability, Fault, OpenBackend, StartError, World, WorldConfig};

@@ -10,6 +10,7 @@ use crate::engine::frame::{Edit, SampleBox};
 use super::clock::{Advance, Clock};
 use super::error::SessionError;
 use super::gather::{Gathered, Sampled};
+use super::once::Once;
 use super::snapshot::Snapshot;
 use super::view::{Applied, MassView};
 
@@ -29,6 +30,8 @@ pub(super) struct Orders {
     pub samples: Vec<(SampleBox, Answer<Sampled>)>,
     /// Everything wanted, as it can be restored.
     pub snapshots: Vec<Answer<Snapshot>>,
+    /// A snapshot is wanted for a checkpoint.
+    pub checkpoint: bool,
     /// Settings, colliders or anything else that has no tile changed.
     pub changed: bool,
     /// Edits that came before the reset, where there is one.
@@ -51,8 +54,8 @@ pub(super) enum Reply {
     Created(Answer<()>),
     /// To a reset, and to a step that has ended.
     Done(Answer<()>),
-    /// To a change; `edit` counts the edits of the frame.
-    Change { kind: ReplyKind, answer: Answer<Applied> },
+    /// To a change; nobody waits where it is repeated.
+    Change { kind: ReplyKind, once: Option<Once>, answer: Option<Answer<Applied>> },
     /// To nobody: snow that fell by itself. Only the ledger wants to know what was refused.
     Snowfall { edit: usize },
 }
@@ -104,6 +107,26 @@ impl Orders {
             || !self.tallies.is_empty()
             || !self.samples.is_empty()
             || !self.snapshots.is_empty()
+            || self.checkpoint
+    }
+
+    /// Takes out what only reads.
+    pub fn take_reads(&mut self) -> Orders {
+        Orders {
+            gathers: std::mem::take(&mut self.gathers),
+            tallies: std::mem::take(&mut self.tallies),
+            samples: std::mem::take(&mut self.samples),
+            snapshots: std::mem::take(&mut self.snapshots),
+            ..Orders::default()
+        }
+    }
+
+    /// Adds what only reads.
+    pub fn add_reads(&mut self, reads: Orders) {
+        self.gathers.extend(reads.gathers);
+        self.tallies.extend(reads.tallies);
+        self.samples.extend(reads.samples);
+        self.snapshots.extend(reads.snapshots);
     }
 
     /// Tells everybody who waits why there is no answer.
@@ -111,8 +134,8 @@ impl Orders {
         for reply in self.replies {
             match reply {
                 Reply::Created(answer) | Reply::Done(answer) => refuse(answer, why),
-                Reply::Change { answer, .. } => refuse(answer, why),
-                Reply::Snowfall { .. } => {}
+                Reply::Change { answer: Some(answer), .. } => refuse(answer, why),
+                Reply::Change { answer: None, .. } | Reply::Snowfall { .. } => {}
             }
         }
         self.gathers.into_iter().for_each(|(_, answer)| refuse(answer, why));

@@ -8,7 +8,9 @@ use crate::snow::{CELL, Contact, Grid};
 
 use super::gather::{Gathered, Sampled};
 use super::handle::Event;
+use super::journal::Taken;
 use super::mirror::Mirror;
+use super::once::Done;
 use super::orders::{Orders, Reply, ReplyKind};
 use super::simulation::{Collider, Simulation};
 use super::view::{
@@ -25,6 +27,13 @@ impl Simulation {
         self.enter_ledger(&outcome.edits);
         let was_settled = self.is_settled();
         self.conclude_run(outcome.last_change);
+        if self.replay.is_some() {
+            if self.flight.publish {
+                self.recall(&outcome, tiles);
+            }
+            self.deposit_falling();
+            return;
+        }
         let settles = self.is_settled() && !was_settled;
         if self.flight.publish {
             let orders = std::mem::take(&mut self.flight.orders);
@@ -79,8 +88,12 @@ impl Simulation {
         let asked = orders.replies.iter().any(|reply| matches!(reply, Reply::Change { .. }));
         let changed = tiles.peek().is_some() || colliders_changed || orders.changed || asked;
         let seq = mirror.seq + u64::from(changed);
+        let brought_back = std::mem::take(&mut self.brought_back);
         for (tile, heights) in tiles {
-            mirror.update(tile, heights, seq);
+            // All tiles of a session that was brought back are told: most are as they were.
+            if !(brought_back && mirror.shows(tile, heights)) {
+                mirror.update(tile, heights, seq);
+            }
         }
         if colliders_changed {
             mirror.colliders = colliders;
@@ -96,6 +109,21 @@ impl Simulation {
             session.published.send_replace(stamp);
         }
         stamp
+    }
+
+    /// Makes the mirror what it was when what is restored was saved.
+    fn recall<'a>(
+        &mut self,
+        outcome: &WorkOutcome,
+        tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
+    ) {
+        let session = self.session.clone();
+        let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        tiles.for_each(|(tile, heights)| mirror.recall(tile, heights));
+        mirror.colliders = self.collider_views(&outcome.contacts);
+        mirror.colliders_version = mirror.seq;
+        mirror.active_tiles = outcome.active_tiles;
+        self.write_clock(&mut mirror);
     }
 
     /// Everything of the mirror that costs nothing to copy.
@@ -120,17 +148,24 @@ impl Simulation {
     }
 
     /// Answers everybody who waited for this frame.
-    fn answer(&self, orders: Orders, outcome: WorkOutcome, stamp: Stamp) {
+    fn answer(&mut self, orders: Orders, outcome: WorkOutcome, stamp: Stamp) {
         for reply in orders.replies {
             // A failed send means that nobody waits any more, which is theirs to decide.
             match reply {
-                Reply::Created(answer) | Reply::Done(answer) => drop(answer.send(Ok(()))),
-                Reply::Snowfall { .. } => {}
-                Reply::Change { kind, answer } => {
+                Reply::Created(answer) | Reply::Done(answer) => {
+                    self.log.acknowledge(Box::new(|durable| drop(answer.send(durable))));
+                }
+                Reply::Change { answer: None, .. } | Reply::Snowfall { .. } => {}
+                Reply::Change { kind, once, answer: Some(answer) } => {
                     let set = matches!(kind, ReplyKind::AirTemperature | ReplyKind::Settings);
                     let applied = self.applied(kind, &outcome.edits, stamp);
                     self.tell_of(&applied, set, stamp);
-                    drop(answer.send(Ok(applied)));
+                    if let Some(once) = once {
+                        self.log.answered(Done::applied(&once, &applied));
+                    }
+                    self.log.acknowledge(Box::new(|durable| {
+                        drop(answer.send(durable.map(|()| applied)));
+                    }));
                 }
             }
         }
@@ -147,6 +182,11 @@ impl Simulation {
             drop(answer.send(Ok(Gathered { stamp, material: self.material, tiles })));
         }
         let all = Arc::new(gathered.collect::<Vec<_>>());
+        if orders.checkpoint {
+            let snapshot = self.snapshot(stamp, all.clone());
+            let versions = self.session.mirror().versions().to_vec();
+            self.log.taken = Some(Box::new(Taken { snapshot, seq: stamp.seq, versions }));
+        }
         for answer in orders.snapshots {
             drop(answer.send(Ok(self.snapshot(stamp, all.clone()))));
         }

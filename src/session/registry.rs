@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Bound;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use tokio::sync::{Semaphore, mpsc};
@@ -11,11 +11,14 @@ use crate::engine::frame::DeviceInfo;
 
 use super::error::{Check, SessionError};
 use super::handle::{Session, blocking};
+use super::idempotency::RequestKey;
 use super::message::{self, Message};
+use super::once::{Answered, Done, DoneResult, Once};
 use super::snapshot::Snapshot;
 use super::spec::{Limits, SessionSpec};
 use super::token::Tokens;
 use super::vitals::Vitals;
+use super::world::Fault;
 
 /// Snapshots that are decoded at the same time: each may take as much memory as a whole session.
 const DECODED_AT_ONCE: usize = 2;
@@ -63,6 +66,12 @@ impl Names {
         Ok(())
     }
 
+    /// Enters a session that outlived the last stop.
+    pub(super) fn recover(&self, session: Arc<Session>) {
+        let entry = Entry { cells: session.spec.grid.cells(), session: Some(session.clone()) };
+        self.write().insert(session.id.clone(), entry);
+    }
+
     /// Forgets a session.
     pub(super) fn remove(&self, id: &str) {
         self.write().remove(id);
@@ -90,8 +99,12 @@ pub struct Sessions {
     limits: Limits,
     /// The next session's key.
     pub(super) keys: Arc<AtomicU64>,
+    /// No more sessions are made.
+    closed: Arc<AtomicBool>,
     /// Snapshots that may still be decoded at the same time.
     pub(super) decoding: Arc<Semaphore>,
+    /// Requests that are not carried out again.
+    pub(super) answered: Arc<Answered>,
 }
 
 impl Sessions {
@@ -100,24 +113,56 @@ impl Sessions {
         world: mpsc::Sender<Message>,
         vitals: Arc<Vitals>,
         frames: Arc<AtomicU64>,
+        answered: Arc<Answered>,
         limits: Limits,
     ) -> Sessions {
+        let (keys, closed) = (Arc::default(), Arc::default());
         let decoding = Arc::new(Semaphore::new(DECODED_AT_ONCE));
-        Sessions { names, world, vitals, frames, limits, keys: Arc::default(), decoding }
+        Sessions { names, world, vitals, frames, limits, keys, closed, decoding, answered }
+    }
+
+    /// Breaks something, for tests of what happens then.
+    #[doc(hidden)]
+    pub async fn sabotage(&self, fault: Fault) {
+        // The world may have ended.
+        let _ = self.world.send(Message::Break(fault)).await;
+    }
+
+    /// Makes no more sessions: the server is about to stop.
+    pub fn close(&self) {
+        self.closed.store(true, Ordering::Relaxed);
     }
 
     /// Creates a session; returns when its first state is published.
     ///
     /// # Errors
     /// [`SessionError::Invalid`], [`SessionError::Conflict`] where the name is taken,
-    /// [`SessionError::ServerFull`] and [`SessionError::OutOfMemory`].
+    /// [`SessionError::ServerFull`], [`SessionError::OutOfMemory`], and
+    /// [`SessionError::Unavailable`] while the server starts or stops.
     pub async fn create(&self, spec: SessionSpec) -> Result<(Arc<Session>, Tokens), SessionError> {
-        spec.check(&self.limits)?;
-        let place = Place::reserve(self.names.clone(), spec.id.clone(), &spec, &self.limits)?;
-        self.make(place, spec, None).await
+        self.create_once(spec, None).await
     }
 
-    /// Creates a session from a snapshot, under a name or a new ULID.
+    /// As [`Sessions::create`]; where the request was carried out before, the session that it made.
+    ///
+    /// # Errors
+    /// As [`Sessions::create`].
+    pub async fn create_once(
+        &self,
+        spec: SessionSpec,
+        once: Option<Once>,
+    ) -> Result<(Arc<Session>, Tokens), SessionError> {
+        self.admit()?;
+        if let Some(made) = self.made_before(once.as_ref()) {
+            return made;
+        }
+        spec.check(&self.limits)?;
+        let place = Place::reserve(self.names.clone(), spec.id.clone(), &spec, &self.limits)?;
+        self.make(place, spec, None, once).await
+    }
+
+    /// Creates a session from a snapshot, under a name or a new ULID; where the request was
+    /// carried out before, the session that it made.
     ///
     /// # Errors
     /// As [`Sessions::create`]; a snapshot that is damaged or foreign is invalid.
@@ -125,7 +170,12 @@ impl Sessions {
         &self,
         bytes: Arc<[u8]>,
         id: Option<String>,
+        once: Option<Once>,
     ) -> Result<(Arc<Session>, Tokens), SessionError> {
+        self.admit()?;
+        if let Some(made) = self.made_before(once.as_ref()) {
+            return made;
+        }
         let mut check = Check::default();
         if let Some(id) = &id {
             check.id("id", id);
@@ -140,7 +190,37 @@ impl Sessions {
             })
         })
         .await?;
-        self.make(place, snapshot.spec().clone(), Some((bytes, Box::new(snapshot)))).await
+        self.make(place, snapshot.spec().clone(), Some((bytes, Box::new(snapshot))), once).await
+    }
+
+    /// What a request says that was carried out lately.
+    pub fn asked_before(&self, key: &RequestKey) -> Option<[u8; 32]> {
+        self.answered.find(key).map(|done| done.request)
+    }
+
+    /// The session that a request made when it was carried out, if it was.
+    fn made_before(
+        &self,
+        once: Option<&Once>,
+    ) -> Option<Result<(Arc<Session>, Tokens), SessionError>> {
+        let once = once?;
+        let done = self.answered.find(&once.key)?;
+        let DoneResult::Created { id, tokens } = &done.result else { return None };
+        let tokens = tokens.open(&once.secret).ok_or_else(|| {
+            SessionError::Conflict(format!(
+                "this request made the session '{id}' before; its tokens are only told to who has \
+                 the API key that it was made with"
+            ))
+        });
+        Some(self.get(id).and_then(|session| Ok((session, tokens?))))
+    }
+
+    /// Whether sessions may be made now.
+    fn admit(&self) -> Result<(), SessionError> {
+        if self.closed.load(Ordering::Relaxed) {
+            return Err(SessionError::Unavailable("the server is stopping".to_owned()));
+        }
+        if self.vitals.is_recovered() { Ok(()) } else { Err(recovering()) }
     }
 
     async fn make(
@@ -148,15 +228,18 @@ impl Sessions {
         mut place: Place,
         spec: SessionSpec,
         saved: Option<(Arc<[u8]>, Box<Snapshot>)>,
+        once: Option<Once>,
     ) -> Result<(Arc<Session>, Tokens), SessionError> {
-        let tokens = Tokens::generate()
-            .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
-
+        let no_random = |e| SessionError::Internal(format!("no random numbers for tokens: {e}"));
+        let tokens = Tokens::generate().map_err(no_random)?;
+        let done = once.map(|once| Done::created(&once, &place.id, &tokens));
+        let done = done.transpose().map_err(no_random)?.map(Arc::new);
         let (origin, saved) = saved.unzip();
         let id = place.id.clone();
         let session = Arc::new(Session::new(self, id, spec, origin, tokens.hashes()));
         let made = session.clone();
-        message::ask(&self.world, |reply| Message::Create { session: made, saved, reply }).await?;
+        message::ask(&self.world, |reply| Message::Create { session: made, saved, done, reply })
+            .await?;
         if let Some(entry) = self.names.write().get_mut(&place.id) {
             entry.session = Some(session.clone());
         }
@@ -167,18 +250,32 @@ impl Sessions {
     /// A session by its name.
     ///
     /// # Errors
-    /// [`SessionError::NotFound`].
+    /// [`SessionError::NotFound`]; [`SessionError::Unavailable`] while sessions are brought back.
     pub fn get(&self, id: &str) -> Result<Arc<Session>, SessionError> {
-        let session = self
-            .peek(id)
-            .ok_or_else(|| SessionError::NotFound { kind: "session", id: id.to_owned() })?;
+        let unknown = || SessionError::NotFound { kind: "session", id: id.to_owned() };
+        let session = self.find(id)?.ok_or_else(unknown)?;
         session.touch();
+        if session.hibernating.load(Ordering::Relaxed) {
+            // A queue that is full wakes it with what is asked for next.
+            let _ = self.world.try_send(Message::Wake { key: session.key });
+        }
         Ok(session)
     }
 
     /// A session by its name, without being a use of it.
     pub fn peek(&self, id: &str) -> Option<Arc<Session>> {
         self.names.read().get(id).and_then(|entry| entry.session.clone())
+    }
+
+    /// As [`Sessions::peek`], for who tells others that there is no such session.
+    ///
+    /// # Errors
+    /// [`SessionError::Unavailable`] while sessions are brought back and it may be one of them.
+    pub fn find(&self, id: &str) -> Result<Option<Arc<Session>>, SessionError> {
+        match self.peek(id) {
+            None if !self.vitals.is_recovered() => Err(recovering()),
+            found => Ok(found),
+        }
     }
 
     /// Up to `limit` sessions in ascending order of their names, those after `after`.
@@ -231,6 +328,10 @@ impl Sessions {
     pub fn vitals(&self) -> &Vitals {
         &self.vitals
     }
+}
+
+fn recovering() -> SessionError {
+    SessionError::Unavailable("sessions are being brought back; /readyz says when".to_owned())
 }
 
 /// A place for a session that is being made; given back where that fails or is abandoned.

@@ -13,6 +13,7 @@ use super::error::SessionError;
 use super::falling::{Falling, Snowing};
 use super::gather::Ledger;
 use super::handle::Session;
+use super::journal::{Event, Log, Replay};
 use super::orders::{Answer, Flight, Orders, Reply, ReplyKind, refuse};
 use super::snapshot::Snapshot;
 use super::spec::SessionSpec;
@@ -46,6 +47,16 @@ pub struct Simulation {
     /// What the frame in flight does.
     pub(super) flight: Flight,
     pub(super) step: Option<StepJob>,
+    /// What is still to be handed to the journal.
+    pub(super) log: Log,
+    /// What it has to go through again before anything else.
+    pub(super) replay: Option<Replay>,
+    /// Time stands still: it is about to hibernate.
+    pub(super) frozen: bool,
+    /// The mirror shows a state that was published before the session was brought back.
+    pub(super) brought_back: bool,
+    /// Reads that wait for the end of the replay.
+    pub(super) waiting_reads: Orders,
 }
 
 /// An object on the snow.
@@ -60,7 +71,7 @@ pub(super) struct Collider {
 
 impl Simulation {
     /// A new session without snow.
-    pub(super) fn new(session: Arc<Session>, slot: Slot, frame: u64) -> Simulation {
+    pub(super) fn new(session: Arc<Session>, slot: Slot, frame: u64, log: Log) -> Simulation {
         let spec = &session.spec;
         Simulation {
             slot,
@@ -79,6 +90,11 @@ impl Simulation {
             next: Orders::default(),
             flight: Flight::default(),
             step: None,
+            log,
+            replay: None,
+            frozen: false,
+            brought_back: false,
+            waiting_reads: Orders::default(),
             session: session.clone(),
         }
     }
@@ -87,6 +103,8 @@ impl Simulation {
     pub(super) fn begin(&mut self, saved: Option<&Snapshot>) {
         if let Some(snapshot) = saved {
             self.restore(snapshot);
+            // What was due when it was saved is due before the next tick.
+            self.deposit_falling();
             return;
         }
         let session = self.session.clone();
@@ -156,6 +174,12 @@ impl Simulation {
 
     /// Back to the state it was created in. Seqs go on.
     pub(super) fn reset(&mut self, saved: Option<&Snapshot>, answer: Answer<()>) {
+        self.log.record(self.clock.tick(), Event::Reset);
+        self.begin_anew(saved);
+        self.next.replies.push(Reply::Done(answer));
+    }
+
+    pub(super) fn begin_anew(&mut self, saved: Option<&Snapshot>) {
         let session = self.session.clone();
         let spec: &SessionSpec = &session.spec;
         self.clock = Clock::new(spec.tick_rate, spec.time_scale);
@@ -174,7 +198,6 @@ impl Simulation {
         self.settled = spec.initial_snow.is_empty();
         self.begin(saved);
         self.next.changed = true;
-        self.next.replies.push(Reply::Done(answer));
     }
 
     /// What the backend makes the snowpack with.
@@ -206,7 +229,9 @@ impl Simulation {
 
     /// Whether the session wants to be in the coming frames.
     pub(super) fn wants_frames(&self) -> bool {
-        self.has_orders() || self.unpublished || (!self.settings.paused && !self.is_resting())
+        self.replay.is_some()
+            || self.has_orders()
+            || (!self.frozen && (self.unpublished || (!self.settings.paused && !self.is_resting())))
     }
 
     /// Whether somebody waits for a frame.
@@ -217,7 +242,7 @@ impl Simulation {
     /// Lets the time up to a frame pass, where nothing happens in it: a pause has no ticks, and in
     /// the ticks of a session at rest nothing moves.
     pub(super) fn catch_up(&mut self, frame: u64) {
-        if self.settings.paused {
+        if self.settings.paused || self.frozen {
             self.frame = frame;
         } else if self.is_resting() {
             self.clock.pass(self.clock.ticks_between(self.frame, frame));
@@ -252,7 +277,10 @@ impl Simulation {
         self.unpublished |= advance.ticks > 0 || self.has_orders();
         let mut orders = std::mem::take(&mut self.next);
         self.next.samples = orders.hold_back_samples(samples);
-        let publish = orders.want_answers() || (publish && self.unpublished);
+        let publish = match &self.replay {
+            Some(replay) => replay.publishes(),
+            None => orders.want_answers() || (publish && self.unpublished),
+        };
         if !publish && run.cycles == 0 && orders.edits.is_empty() {
             self.next.wake |= orders.wake;
             self.next.changed |= orders.changed;
@@ -276,15 +304,18 @@ impl Simulation {
 
     /// Tiles that are wanted: those of each request, and all of them for snapshots.
     fn gather(&self, orders: &Orders) -> Vec<u32> {
-        let all = if orders.snapshots.is_empty() { 0 } else { self.session.spec.grid.tiles() };
+        let wanted = orders.checkpoint || !orders.snapshots.is_empty();
+        let all = if wanted { self.session.spec.grid.tiles() } else { 0 };
         orders.gathers.iter().flat_map(|(tiles, _)| tiles.iter().copied()).chain(0..all).collect()
     }
 
     /// Takes the ticks that a frame has for this session.
     fn take_ticks(&mut self, frame: u64) -> Advance {
-        let (due, cycles) = if let Some(job) = &self.step {
+        let (due, cycles) = if let Some(replay) = &self.replay {
+            replay.due(self.clock.tick())
+        } else if let Some(job) = &self.step {
             (job.remaining(), job.slice)
-        } else if self.settings.paused {
+        } else if self.settings.paused || self.frozen {
             (0, 0)
         } else {
             (self.owed + self.clock.ticks_between(self.frame, frame), u32::MAX)
@@ -292,7 +323,8 @@ impl Simulation {
         self.frame = frame;
         let snow = self.falling.ticks_until_due(self.clock.tick(), self.snowing());
         let advance = self.clock.advance(due.min(snow.unwrap_or(u64::MAX)), cycles);
-        self.owed = if self.step.is_none() { due - advance.ticks } else { 0 };
+        let counts = self.step.is_none() && self.replay.is_none();
+        self.owed = if counts { due - advance.ticks } else { 0 };
         advance
     }
 
@@ -353,12 +385,28 @@ impl Simulation {
         }
     }
 
+    /// Lets time go on after it stood still.
+    pub(super) fn thaw(&mut self, frame: u64) {
+        self.frozen = false;
+        self.frame = frame;
+    }
+
+    /// Tick that it should have reached when it is brought back to what is stored: what has passed
+    /// by itself is not lost.
+    pub(super) fn until(&self) -> u64 {
+        if self.settings.paused { 0 } else { self.clock.tick() }
+    }
+
     /// Tells everybody who waits for this session why there is no answer.
-    pub(super) fn refuse_all(self, why: &SessionError) {
+    pub(super) fn refuse_all(mut self, why: &SessionError) {
         self.next.refuse(why);
+        self.waiting_reads.refuse(why);
         self.flight.orders.refuse(why);
         if let Some(job) = self.step {
             refuse(job.answer, why);
+        }
+        for ack in self.log.take_acks() {
+            ack(Err(why.clone()));
         }
     }
 }

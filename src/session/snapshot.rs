@@ -219,8 +219,6 @@ impl Simulation {
         self.next.edits.push(Edit::SetMaterial(saved.material));
         self.next.edits.push(Edit::Restore(Arc::new(snapshot.contents())));
         self.next.changed = true;
-        // What was due when it was saved is due before the next tick.
-        self.deposit_falling();
     }
 }
 

@@ -83,6 +83,16 @@ pub struct Terrain {
     pub heights: Vec<f64>,
 }
 
+impl Limits {
+    /// For what was within the limits when it was made.
+    pub(super) const NONE: Limits = Limits {
+        sessions: usize::MAX,
+        cells_per_session: u64::MAX,
+        cells: u64::MAX,
+        colliders_per_session: usize::MAX,
+    };
+}
+
 impl Default for SessionSpec {
     fn default() -> Self {
         SessionSpec {

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use serde::{Deserialize, Serialize};
+
 /// The secrets of a session, told once.
 #[derive(Clone)]
 pub struct Tokens {
@@ -12,11 +14,13 @@ pub struct Tokens {
 }
 
 /// What the server keeps of a session's secrets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TokenHashes {
     /// Hash of the token that allows everything.
+    #[serde(with = "hex")]
     pub token: blake3::Hash,
     /// Hash of the token that allows reads and streams.
+    #[serde(with = "hex")]
     pub viewer_token: blake3::Hash,
 }
 
@@ -67,5 +71,19 @@ impl Tokens {
             token: blake3::hash(self.token.as_bytes()),
             viewer_token: blake3::hash(self.viewer_token.as_bytes()),
         }
+    }
+}
+
+/// A hash as hexadecimal text.
+mod hex {
+    use serde::{Deserialize, Deserializer, Serializer, de};
+
+    pub fn serialize<S: Serializer>(hash: &blake3::Hash, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(hash.to_hex().as_str())
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<blake3::Hash, D::Error> {
+        let text = String::deserialize(from)?;
+        blake3::Hash::from_hex(text).map_err(de::Error::custom)
     }
 }

@@ -32,8 +32,7 @@ pub struct Settings {
     pub paused: bool,
     /// Continuous snowfall \[m/h\].
     pub snowfall_rate: f64,
-    /// Seconds without request or stream after which the session may hibernate; this version
-    /// keeps it awake.
+    /// Seconds without request or stream after which the session hibernates.
     pub idle_timeout_s: Option<f64>,
     /// Seconds without request or stream after which the session is deleted.
     pub delete_after_s: Option<f64>,
@@ -109,7 +108,7 @@ pub struct Summary {
 }
 
 /// An object on the snow and how it stands there.
-#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ColliderView {
     /// Its name.
     pub id: String,
@@ -133,7 +132,7 @@ pub struct ColliderView {
 }
 
 /// When a reply holds: the tick, and the number of the newest published change.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Stamp {
     /// Ticks since the session was created or reset.
     pub tick: u64,
@@ -158,7 +157,7 @@ pub enum Applied {
 }
 
 /// Answer to a snowfall.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct SnowfallReply {
     /// When it was applied.
     #[serde(flatten)]
@@ -170,7 +169,7 @@ pub struct SnowfallReply {
 }
 
 /// Answer to a clearing.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ClearingReply {
     /// When it was applied.
     #[serde(flatten)]
@@ -190,7 +189,7 @@ pub struct AirTemperatureReply {
 }
 
 /// Answer to a collider that was put or patched.
-#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ColliderReply {
     /// When it was applied.
     #[serde(flatten)]

@@ -2,10 +2,12 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use crate::engine::frame::DeviceInfo;
+
+use super::journal::StoreVitals;
 
 /// Frames that are remembered.
 const REMEMBERED: usize = 1024;
@@ -40,6 +42,7 @@ pub struct Vitals {
     /// The device the snowpacks live on.
     pub device: DeviceInfo,
     pub(super) healthy: AtomicBool,
+    pub(super) recovered: AtomicBool,
     pub(super) memory: AtomicU64,
     pub(super) frames: AtomicU64,
     pub(super) frame_time_us: AtomicU64,
@@ -47,6 +50,9 @@ pub struct Vitals {
     pub(super) frame_times: Mutex<VecDeque<FrameTime>>,
     stage_times: Mutex<StageTimes>,
     pub(super) overloaded: AtomicBool,
+    pub(super) hibernating: AtomicU64,
+    /// How the store is doing.
+    pub store: Arc<StoreVitals>,
 }
 
 impl Vitals {
@@ -59,6 +65,16 @@ impl Vitals {
     /// Whether frames are being carried out.
     pub fn is_healthy(&self) -> bool {
         self.healthy.load(Ordering::Relaxed)
+    }
+
+    /// Whether all sessions that outlived the last stop are back.
+    pub fn is_recovered(&self) -> bool {
+        self.recovered.load(Ordering::Acquire)
+    }
+
+    /// Sessions that hibernate.
+    pub fn hibernating(&self) -> u64 {
+        self.hibernating.load(Ordering::Relaxed)
     }
 
     /// Bytes of device memory held for snowpacks.

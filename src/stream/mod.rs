@@ -85,7 +85,7 @@ impl FromQuery for StreamQuery {
             body = Problem, content_type = "application/problem+json"),
         (status = 404, description = "No such session",
             body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The server is stopping",
+        (status = 503, description = "The server is bringing sessions back, or stopping",
             body = Problem, content_type = "application/problem+json"),
     )
 )]
@@ -110,7 +110,7 @@ pub async fn stream(
 
 /// Who wants to stream, and what.
 fn admit(app: &App, id: &str, token: Option<&str>) -> Result<(Arc<Session>, Caller), Problem> {
-    let caller = app.gate.access.admit(token, app.sessions.peek(id).as_deref())?;
+    let caller = app.gate.access.admit(token, app.sessions.find(id)?.as_deref())?;
     Ok((app.sessions.get(id)?, caller))
 }
 

@@ -172,6 +172,7 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
             grid: self.session.spec.grid,
             epoch: &self.session.epoch,
             seq: self.session.mirror().seq,
+            lost: &self.session.lost_seqs(),
             protocol: self.manner.protocol,
             encoded: &self.encoded,
         };

@@ -83,6 +83,8 @@ pub struct Source<'a> {
     pub epoch: &'a str,
     /// Its newest published seq.
     pub seq: u64,
+    /// Seqs, first and last, whose states were lost.
+    pub lost: &'a [(u64, u64)],
     /// How the client wants heights to be written.
     pub protocol: Protocol,
     /// The session's encoded tiles.
@@ -90,9 +92,10 @@ pub struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// Whether what has changed since a state is known: the state is one that was published.
+    /// Whether what has changed since a state is known: the state was published, and not lost.
     fn recovers(&self, resume: &Resume) -> bool {
-        resume.epoch == self.epoch && (1..=self.seq).contains(&resume.seq)
+        let lost = self.lost.iter().any(|&(first, last)| (first..=last).contains(&resume.seq));
+        resume.epoch == self.epoch && (1..=self.seq).contains(&resume.seq) && !lost
     }
 }
 

@@ -14,7 +14,7 @@ use firn::session::{ColumnView, Limits, Sessions, World, WorldConfig};
 const SMALL: u32 = 9;
 
 fn start(backend: BackendChoice) -> (Sessions, World) {
-    let engine = EngineConfig { backend, device_memory: None, ephemeral: true };
+    let engine = EngineConfig { backend, device_memory: None };
     let backend = open_backend(&engine).expect("a graphics adapter to test");
     let limits = Limits {
         sessions: 1,

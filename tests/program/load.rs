@@ -9,7 +9,12 @@ use firn::config::BackendChoice;
 use serde_json::Value;
 use tokio::process::Command;
 
-on_each_backend!(a_run_is_reported, stalled_clients_catch_up, an_interrupted_run_cleans_up);
+on_each_backend!(
+    a_run_is_reported,
+    stalled_clients_catch_up,
+    an_interrupted_run_cleans_up,
+    durable_snowfalls_are_counted,
+);
 
 /// Beyond any run of these tests.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -70,6 +75,28 @@ async fn a_run_is_reported(backend: BackendChoice) {
     assert!(of("p50") >= 0.0 && latency["count"].as_u64() > Some(0), "{report}");
     assert_eq!(report["server_memory"].is_object(), cfg!(target_os = "linux"));
     assert_eq!(sessions(&server).await, 0, "its sessions are deleted");
+    server.stop().await;
+}
+
+async fn durable_snowfalls_are_counted(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let options = ["--durable", "--sessions", "3", "--clients", "5", "--changes", "20", "--keep"];
+    let report = report(&finished(tool(&server, &options)).await);
+    assert_eq!((&report["acknowledged"], &report["refused"]), (&60.into(), &0.into()), "{report}");
+    assert_eq!(report["answer_ms"]["count"], 60);
+    let list = server.get("/v1/sessions").await.expect(200);
+    let each = 20.0 * 0.001 * 20.0 * 32.0 * 32.0 * 0.04 + 2.0 * 20.0 * 32.0 * 32.0 * 0.04;
+    assert_eq!(list["items"].as_array().unwrap().len(), 3, "they are kept");
+    for session in list["items"].as_array().unwrap() {
+        let id = session["id"].as_str().unwrap();
+        let mass = server.get(&format!("/v1/sessions/{id}/mass")).await.expect(200);
+        let fallen = mass["fallen"].as_f64().unwrap();
+        assert!((fallen - each).abs() < each * 1e-3, "{fallen} of {each} kg");
+    }
+    let options = ["--durable", "--sessions", "1", "--clients", "2", "--duration", "300ms"];
+    let report = self::report(&finished(tool(&server, &options)).await);
+    assert!(report["per_second"].as_f64() > Some(0.0), "{report}");
+    assert_eq!(sessions(&server).await, 3, "its sessions are deleted");
     server.stop().await;
 }
 

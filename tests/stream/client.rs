@@ -359,7 +359,7 @@ impl Client {
     }
 
     /// The next message of heights of a subscription.
-    async fn told(&mut self, id: i64) -> Value {
+    pub async fn told(&mut self, id: i64) -> Value {
         loop {
             if let Some(message) = self.take().await
                 && message["id"] == id

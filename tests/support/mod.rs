@@ -10,7 +10,7 @@ use firn::config::{
     AccessConfig, BackendChoice, ConnectionConfig, EngineConfig, RequestConfig, StreamConfig,
 };
 use firn::http::{App, Gate};
-use firn::session::{Limits, Sessions, World, WorldConfig};
+use firn::session::{Durability, Limits, Sessions, World, WorldConfig};
 use reqwest::header::{ACCEPT, CONTENT_TYPE, HeaderMap};
 use reqwest::{Client, Method};
 use serde_json::{Value, json};
@@ -161,14 +161,25 @@ impl Server {
 
     /// Starts a server.
     pub async fn start_with(backend: BackendChoice, options: Options) -> Server {
-        let engine =
-            EngineConfig { backend, device_memory: options.device_memory, ephemeral: true };
-        let backend = open_backend(&engine).expect(
+        Server::start_stored(backend, options, Durability::ephemeral()).await
+    }
+
+    /// Starts a server whose sessions outlive it in some way, and waits until they are back.
+    pub async fn start_stored(
+        backend: BackendChoice,
+        options: Options,
+        durability: Durability,
+    ) -> Server {
+        let engine = EngineConfig { backend, device_memory: options.device_memory };
+        let open = Box::new(move || open_backend(&engine));
+        let config = WorldConfig { limits: options.limits, publish_rate: 20.0, sleep: true };
+        let (sessions, world) = World::open(open, config, durability).expect(
             "a graphics adapter is needed, a software one will do; FIRN_SKIP_GPU_TESTS=1 leaves \
              these tests out",
         );
-        let config = WorldConfig { limits: options.limits, publish_rate: 20.0, sleep: true };
-        let (sessions, world) = World::start(backend, config).expect("the world starts");
+        while !sessions.vitals().is_recovered() {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port is free");
         let url = format!("http://{}", listener.local_addr().expect("it has an address"));
         let shutdown = CancellationToken::new();

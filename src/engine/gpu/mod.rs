@@ -159,6 +159,10 @@ impl Backend for GpuBackend {
         let times = self.kernel_times()?;
         Ok(times.into_iter().map(|(kernel, time)| (KERNELS[kernel as usize].name, time)).collect())
     }
+
+    fn lose(&mut self) {
+        self.device.device.destroy();
+    }
 }
 
 impl GpuBackend {

@@ -146,7 +146,7 @@ pub async fn authorize(
     }
     // A path that is no text names no session.
     let named = params.iter().flatten().find(|(name, _)| *name == "id");
-    let session = named.and_then(|(_, id)| app.sessions.peek(id));
+    let session = named.map(|(_, id)| app.sessions.find(id)).transpose()?.flatten();
     let caller = app.gate.access.admit(bearer(request.headers()), session.as_deref())?;
     if changes(request.method(), path.as_str()) && !caller.may_change() {
         return Err(Problem::forbidden("a viewer's token only allows reading and streaming"));

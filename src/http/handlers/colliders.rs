@@ -12,6 +12,7 @@ use crate::http::docs::{
 };
 use crate::http::extract::{Json, Query, Segments};
 use crate::http::page::{Page, PageQuery};
+use crate::http::repeat::Keyed;
 use crate::http::state::App;
 use crate::problem::Problem;
 use crate::session::{
@@ -54,10 +55,11 @@ pub struct ColliderPage {
 pub async fn create(
     State(app): State<App>,
     Segments(id): Segments<String>,
+    Keyed(once): Keyed,
     Json(spec): Json<ColliderSpec>,
 ) -> Result<Response, Problem> {
     let session = app.sessions.get(&id)?;
-    Ok(answer(&session, session.change(Change::CreateCollider(spec)).await?))
+    Ok(answer(&session, session.change_once(Change::CreateCollider(spec), once).await?))
 }
 
 /// List colliders
@@ -110,10 +112,11 @@ pub async fn list(
 pub async fn batch(
     State(app): State<App>,
     Segments(id): Segments<String>,
+    Keyed(once): Keyed,
     Json(batch): Json<ColliderBatch>,
 ) -> Result<Response, Problem> {
     let session = app.sessions.get(&id)?;
-    Ok(super::applied(session.change(Change::Colliders(batch)).await?))
+    Ok(super::applied(session.change_once(Change::Colliders(batch), once).await?))
 }
 
 /// Get a collider

@@ -51,6 +51,8 @@ pub enum Auth {
 pub enum ReadyStatus {
     /// They are.
     Ready,
+    /// Sessions that outlived the last stop are being brought back.
+    Recovering,
     /// The server is stopping.
     Draining,
     /// The engine has failed; only a restart helps.
@@ -79,7 +81,8 @@ pub async fn livez() -> Answer<Alive> {
     tag = "operations",
     responses(
         (status = 200, description = "It is", body = Readiness),
-        (status = 503, description = "It is stopping, or its engine has failed", body = Readiness)
+        (status = 503, description = "It is bringing sessions back or stopping, or its engine has failed",
+            body = Readiness)
     )
 )]
 pub async fn readyz(State(app): State<App>) -> (StatusCode, Answer<Readiness>) {
@@ -87,6 +90,8 @@ pub async fn readyz(State(app): State<App>) -> (StatusCode, Answer<Readiness>) {
         ReadyStatus::Failed
     } else if app.draining.is_cancelled() {
         ReadyStatus::Draining
+    } else if !app.sessions.vitals().is_recovered() {
+        ReadyStatus::Recovering
     } else {
         ReadyStatus::Ready
     };

@@ -11,6 +11,7 @@ use crate::http::handlers::snapshots::SnapshotBytes;
 use crate::http::handlers::tokens::SECRET;
 use crate::http::page::{Page, PageQuery};
 use crate::http::query::Params;
+use crate::http::repeat::Keyed;
 use crate::http::state::App;
 use crate::problem::{FieldError, Problem};
 use crate::session::{
@@ -44,9 +45,9 @@ use utoipa::IntoParams;
             headers(("Retry-After" = u32, description = "Seconds until another try makes sense"))),
         (status = 500, description = "Handling the request failed inside the server",
             body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The server is stopping, or its engine has failed",
+        (status = 503, description = "The server is bringing sessions back or stopping, or its engine has failed",
             body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "Device memory is full", body = Problem,
+        (status = 507, description = "Device memory is full, or nothing can be stored", body = Problem,
             content_type = "application/problem+json"),
         BodyProblems
     )
@@ -54,12 +55,15 @@ use utoipa::IntoParams;
 pub async fn create(
     State(app): State<App>,
     Query(query): Query<CreateQuery>,
+    Keyed(once): Keyed,
     request: Request,
 ) -> Result<Response, Problem> {
     let making = if media_type(request.headers()) == SNAPSHOT_MEDIA_TYPE {
         let bytes = read_body(request, &app).await?;
         // A task of its own: where the client goes away, the session is whole or not there.
-        tokio::spawn(async move { app.sessions.restore(bytes.to_vec().into(), query.id).await })
+        tokio::spawn(
+            async move { app.sessions.restore(bytes.to_vec().into(), query.id, once).await },
+        )
     } else {
         let OptionalJson(spec) = OptionalJson::<SessionSpec>::from_request(request, &app).await?;
         if query.id.is_some() {
@@ -68,7 +72,7 @@ pub async fn create(
                 detail: "names a restored session only; a new one is named in the body".to_owned(),
             }]));
         }
-        tokio::spawn(async move { app.sessions.create(spec).await })
+        tokio::spawn(async move { app.sessions.create_once(spec, once).await })
     };
     let made = making.await.map_err(|_| SessionError::Internal("the creation failed".into()))?;
     let (session, tokens) = made?;

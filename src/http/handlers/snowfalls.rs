@@ -5,6 +5,7 @@ use axum::response::Response;
 
 use crate::http::docs::{BodyProblems, SessionPath, SessionProblems};
 use crate::http::extract::{Json, Segments};
+use crate::http::repeat::Keyed;
 use crate::http::state::App;
 use crate::problem::Problem;
 use crate::session::{Change, Snowfall, SnowfallReply};
@@ -28,8 +29,9 @@ use crate::session::{Change, Snowfall, SnowfallReply};
 pub async fn create(
     State(app): State<App>,
     Segments(id): Segments<String>,
+    Keyed(once): Keyed,
     Json(body): Json<Snowfall>,
 ) -> Result<Response, Problem> {
     let session = app.sessions.get(&id)?;
-    Ok(super::applied(session.change(Change::Snowfall(body)).await?))
+    Ok(super::applied(session.change_once(Change::Snowfall(body), once).await?))
 }

@@ -1,5 +1,6 @@
 //! The loop of the world's thread: beats, frames and what came of them.
 
+use std::collections::{BTreeMap, HashMap};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -7,21 +8,26 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 use tokio::sync::mpsc;
-use tracing::{error, info};
+use tracing::error;
 
 use crate::engine::frame::{Backend, EngineError, Frame, Outcome};
 use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
 use crate::session::gather::MOST_SAMPLES;
+use crate::session::handle::Session;
+use crate::session::journal::{Journal, Left};
 use crate::session::message::Message;
+use crate::session::orders::Answer;
 use crate::session::pace::Pace;
 use crate::session::registry::Names;
 use crate::session::simulation::Simulation;
 use crate::session::vitals::{FrameTime, Vitals};
 
+use super::revive::Revival;
+use super::rounds::Rounds;
 use super::simulations::Simulations;
 use super::slots::Slots;
-use super::{INBOX, WorldConfig};
+use super::{INBOX, OpenBackend, WorldConfig};
 
 /// Longest wait for the device at a time.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -32,7 +38,9 @@ const MANY: usize = 64;
 /// What lives on the world's thread.
 pub(super) struct Engine {
     pub(super) backend: Box<dyn Backend + Send>,
+    pub(super) open: OpenBackend,
     pub(super) config: WorldConfig,
+    pub(super) checkpoint_interval: Duration,
     pub(super) inbox: mpsc::Receiver<Message>,
     pub(super) clock: tokio::runtime::Runtime,
     pub(super) names: Arc<Names>,
@@ -41,29 +49,46 @@ pub(super) struct Engine {
     pub(super) frame: u64,
     /// A session has as many edits for the next frame as one frame should carry.
     pub(super) full: bool,
-    /// Frame of the next look for sessions that nobody wants.
-    pub(super) next_inspection: u64,
+    /// Frame in which sessions were last looked after.
+    pub(super) looked_after: u64,
     pub(super) next_beat: Instant,
     pub(super) pace: Pace,
     pub(super) simulations: Simulations,
     /// A simulation has orders, which no beat has to be waited for.
     pub(super) busy: bool,
+    pub(super) rounds: Rounds,
+    /// Sessions whose memory is freed.
+    pub(super) hibernating: HashMap<u64, Arc<Session>>,
+    /// Who waits for a session to be deleted.
+    pub(super) leaving: HashMap<u64, Vec<Answer<()>>>,
     pub(super) slots: Slots,
+    pub(super) journal: Journal,
+    /// Sessions that are to be brought back before anything else.
+    pub(super) comebacks: BTreeMap<u64, Revival>,
+    /// Sessions are being brought back.
+    pub(super) reviving: bool,
+    /// Sessions that panicked.
+    pub(super) fallen: Vec<u64>,
+    /// The session of which a checkpoint is being made.
+    pub(super) checkpointing: Option<u64>,
+    /// Told to stop: until when checkpoints may be begun.
+    pub(super) stop: Option<Instant>,
 }
 
 impl Engine {
     /// Works until it is told to stop.
     ///
     /// # Errors
-    /// Those of the backend, after which nothing can go on.
+    /// Those of the backend, after which it has to be opened anew.
     pub(super) fn run(&mut self) -> Result<(), EngineError> {
+        self.bring_back()?;
         loop {
-            if !self.take_messages() {
+            if !self.take_messages()? {
                 return Ok(());
             }
             let (begun, beat) = (Instant::now(), self.frame);
             let publish = self.beat();
-            self.delete_forsaken();
+            self.look_after_sessions()?;
             let frame = self.carry_out_frame(publish)?;
             if frame.sessions > 0 || self.frame > beat {
                 self.vitals.note(FrameTime { took: begun.elapsed(), ..frame });
@@ -72,18 +97,18 @@ impl Engine {
     }
 
     /// Waits for a request or the next beat, and takes in what has arrived. False means stop.
-    fn take_messages(&mut self) -> bool {
+    fn take_messages(&mut self) -> Result<bool, EngineError> {
         if !self.busy {
             let deadline = tokio::time::Instant::from_std(self.next_beat);
             let inbox = &mut self.inbox;
             let wait = async { tokio::time::timeout_at(deadline, inbox.recv()).await };
             match self.clock.block_on(wait) {
                 Ok(Some(message)) => {
-                    if !self.take_message(message) {
-                        return false;
+                    if !self.take_message(message)? {
+                        return Ok(false);
                     }
                 }
-                Ok(None) => return false,
+                Ok(None) => return Ok(false),
                 Err(_) => {}
             }
         }
@@ -95,15 +120,16 @@ impl Engine {
             }
             match self.inbox.try_recv() {
                 Ok(message) => {
-                    if !self.take_message(message) {
-                        return false;
+                    if !self.take_message(message)? {
+                        return Ok(false);
                     }
                 }
                 Err(mpsc::error::TryRecvError::Empty) => break,
-                Err(mpsc::error::TryRecvError::Disconnected) => return false,
+                Err(mpsc::error::TryRecvError::Disconnected) => return Ok(false),
             }
         }
-        true
+        self.hear_journal()?;
+        Ok(true)
     }
 
     /// Counts the frame where one is due. Returns whether publications are due with it.
@@ -127,35 +153,9 @@ impl Engine {
         publications(self.frame) > publications(self.frame - 1)
     }
 
-    /// Deletes the sessions that nobody has asked for as long as they are kept. Each is looked at
-    /// once a second, some with every beat.
-    fn delete_forsaken(&mut self) {
-        if self.frame < self.next_inspection {
-            return;
-        }
-        self.next_inspection = self.frame + 1;
-        let parts = FRAME_RATE as u64;
-        let mut forsaken = Vec::new();
-        for simulation in self.simulations.part((self.frame % parts) as usize, parts as usize) {
-            let session = &simulation.session;
-            // A request under way and a stream hold the session as well as we and its name do.
-            if Arc::strong_count(session) > 2 {
-                session.touch();
-            }
-            let kept = simulation.settings.delete_after_s;
-            if kept.is_some_and(|seconds| session.idle_for() > seconds) {
-                forsaken.push((session.key, session.id.clone()));
-            }
-        }
-        for (key, id) in forsaken {
-            info!(session = id, "deleted: nobody has asked for it");
-            self.remove(key, &SessionError::NotFound { kind: "session", id });
-        }
-    }
-
     /// Submits one frame for everybody who has something to do, concludes it, and says what it
     /// took.
-    fn carry_out_frame(&mut self, publish: bool) -> Result<FrameTime, EngineError> {
+    pub(super) fn carry_out_frame(&mut self, publish: bool) -> Result<FrameTime, EngineError> {
         let (number, sleep) = (self.frame, self.config.sleep);
         let room = AtomicU64::new(MOST_SAMPLES);
         self.busy = false;
@@ -176,6 +176,7 @@ impl Engine {
             }
         }
         let mut time = FrameTime { sessions: part.len() as u32, ..FrameTime::default() };
+        let mut concluded = Vec::new();
         if !part.is_empty() {
             let submitted = Instant::now();
             self.backend.submit(frame)?;
@@ -186,52 +187,73 @@ impl Engine {
             };
             time.backend = submitted.elapsed();
             time.published_tiles = outcome.published.count();
-            let concluded = conclude(part, outcome, time.backend);
-            idle.extend(concluded.iter().filter(|c| c.review).map(|c| c.key));
-            failed.extend(concluded.iter().filter(|c| c.failed).map(|c| c.key));
+            concluded = conclude(part, outcome, time.backend);
             self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
             self.vitals.note_stages(&self.backend.stage_times()?);
         }
+        for done in concluded {
+            match done.left {
+                Some(left) => self.hand_over(done.key, left),
+                None => failed.push(done.key),
+            }
+            if done.review {
+                idle.push(done.key);
+            }
+        }
+        self.journal.send();
+        failed.into_iter().for_each(|key| self.fell(key));
         idle.into_iter().for_each(|key| self.review(key));
-        failed.into_iter().for_each(|key| self.end_failed(key));
         Ok(time)
     }
 
     /// Keeps a simulation among the active ones where it has more to do.
     pub(super) fn review(&mut self, key: u64) {
         let Some(simulation) = self.simulations.get(&key) else { return };
+        if self.fallen.contains(&key) {
+            return;
+        }
         self.busy |= simulation.has_orders();
         let active = simulation.wants_frames();
         self.simulations.set_active(key, active);
     }
 
-    /// Does something with one simulation. A panic ends that session and no other.
+    /// Does something with one simulation. A panic has it brought back, and harms no other.
     pub(super) fn guard<T>(
         &mut self,
         key: u64,
         act: impl FnOnce(&mut Simulation) -> T,
     ) -> Option<T> {
+        if self.fallen.contains(&key) {
+            return None;
+        }
         let simulation = self.simulations.get_mut(&key)?;
         let value = caught(|| act(simulation));
         if value.is_none() {
-            self.end_failed(key);
+            self.fell(key);
         }
         value
     }
 
-    /// Ends a session in which something panicked.
-    fn end_failed(&mut self, key: u64) {
+    /// Sees to it that a session in which something panicked is brought back.
+    fn fell(&mut self, key: u64) {
         let Some(simulation) = self.simulations.get(&key) else { return };
         let id = simulation.session.id.clone();
-        error!(session = id, "handling this session panicked; it is ended");
-        self.remove(key, &SessionError::Internal(format!("session '{id}' failed")));
+        if self.reviving {
+            error!(session = id, "bringing this session back panicked; it is set aside");
+            self.remove(key, &SessionError::Internal(format!("session '{id}' failed")));
+        } else {
+            error!(session = id, "handling this session panicked; it is brought back");
+            self.simulations.set_active(key, false);
+            self.fallen.push(key);
+        }
     }
 }
 
 /// What has to be done after a simulation has taken in its outcome.
 struct Concluded {
     key: u64,
-    failed: bool,
+    /// What goes to the journal; nothing where it panicked.
+    left: Option<Left>,
     /// Whether it has orders, or nothing more to do.
     review: bool,
 }
@@ -240,16 +262,17 @@ struct Concluded {
 fn conclude(part: Vec<&mut Simulation>, outcome: Outcome, took: Duration) -> Vec<Concluded> {
     let published = &outcome.published;
     each(part.into_iter().zip(outcome.work).collect(), |(simulation, work)| {
-        let done = caught(|| {
+        let left = caught(|| {
             if let Some(job) = &mut simulation.step {
                 job.fit(took);
             }
             let tiles = published.tiles(work.tiles.clone());
             simulation.conclude(work, tiles);
+            simulation.leave()
         });
         Concluded {
             key: simulation.session.key,
-            failed: done.is_none(),
+            left,
             review: simulation.has_orders() || !simulation.wants_frames(),
         }
     })

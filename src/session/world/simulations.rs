@@ -67,8 +67,20 @@ impl Simulations {
         found
     }
 
-    /// One part of all simulations of a number of parts.
-    pub fn part(&self, part: usize, parts: usize) -> impl Iterator<Item = &Simulation> {
-        self.all.iter().skip(part).step_by(parts).filter_map(|simulation| simulation.as_deref())
+    /// Has none of them in the coming frames. Returns those that were to be.
+    pub fn take_active(&mut self) -> Vec<u64> {
+        let active = std::mem::take(&mut self.active);
+        let key = |place: usize| Some(self.all[place].as_ref()?.session.key);
+        active.into_iter().filter_map(key).collect()
+    }
+
+    /// All of them, with their keys.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = (u64, &mut Simulation)> {
+        self.all.iter_mut().flatten().map(|simulation| (simulation.session.key, &mut **simulation))
+    }
+
+    /// All of them, with their keys.
+    pub fn into_iter(self) -> impl Iterator<Item = (u64, Box<Simulation>)> {
+        self.all.into_iter().flatten().map(|simulation| (simulation.session.key, simulation))
     }
 }

@@ -42,6 +42,7 @@ fn begin(wish: &Subscribe, now: Instant) -> Result<Subscription, SessionError> {
         grid: mirror().grid,
         epoch: "e",
         seq: 5,
+        lost: &[],
         protocol: Protocol::Json,
         encoded: &encoded,
     };

@@ -1,0 +1,156 @@
+//! What is written about a session.
+
+use serde::{Deserialize, Serialize};
+
+use crate::session::change::Change;
+use crate::session::spec::SessionSpec;
+use crate::session::token::TokenHashes;
+
+/// Ranges of lost seqs that are remembered one by one.
+const MOST_LOST: usize = 16;
+
+/// Who a session is.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Identity {
+    pub id: String,
+    pub epoch: String,
+    /// RFC 3339.
+    pub created_at: String,
+    #[serde(flatten)]
+    pub tokens: TokenHashes,
+    pub spec: SessionSpec,
+}
+
+/// Something that happened to a session and not by the passing of time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Event {
+    /// A change, with a name for a collider that had none.
+    Change(Change),
+    /// Back to the state it was created in.
+    Reset,
+}
+
+/// What happened to a session in one frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Entry {
+    /// Tick at which it happened.
+    pub tick: u64,
+    /// Whether cycles followed in the same frame.
+    pub ran: bool,
+    pub events: Vec<Event>,
+}
+
+/// How far a session has come.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Mark {
+    pub tick: u64,
+    /// Newest published seq.
+    pub seq: u64,
+    /// Entries written so far, those that a checkpoint has replaced included.
+    pub next: u64,
+    /// Seqs, first and last, whose states were lost.
+    pub lost: Vec<(u64, u64)>,
+}
+
+impl Mark {
+    /// Adds a range of lost seqs. The oldest are joined where they are too many: resuming at a seq
+    /// below them is refused, which is safe.
+    pub fn lose(&mut self, first: u64, last: u64) {
+        if first > last {
+            return;
+        }
+        self.lost.push((first, last));
+        if self.lost.len() > MOST_LOST {
+            let (_, last) = self.lost.remove(0);
+            self.lost[0] = (0, self.lost[0].1.max(last));
+        }
+    }
+}
+
+/// A session at some tick.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Checkpoint {
+    /// Number of the first entry that is not in it.
+    pub base: u64,
+    /// Newest published seq.
+    pub seq: u64,
+    /// Seq at which each tile last changed.
+    pub versions: Vec<u64>,
+    /// The snapshot, encoded.
+    pub snapshot: Vec<u8>,
+}
+
+impl Checkpoint {
+    /// As bytes: base, seq, number of tiles, their versions, the snapshot.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(24 + self.versions.len() * 8 + self.snapshot.len());
+        for number in [self.base, self.seq, self.versions.len() as u64] {
+            bytes.extend(number.to_le_bytes());
+        }
+        self.versions.iter().for_each(|version| bytes.extend(version.to_le_bytes()));
+        bytes.extend(&self.snapshot);
+        bytes
+    }
+
+    /// Reads what `encode` wrote; `None` for anything else.
+    pub fn decode(bytes: &[u8]) -> Option<Checkpoint> {
+        let mut rest = bytes;
+        let mut number = || {
+            let (number, after) = rest.split_first_chunk::<8>()?;
+            rest = after;
+            Some(u64::from_le_bytes(*number))
+        };
+        let (base, seq, count) = (number()?, number()?, number()?);
+        if count > bytes.len() as u64 / 8 {
+            return None;
+        }
+        let versions = (0..count).map(|_| number()).collect::<Option<_>>()?;
+        Some(Checkpoint { base, seq, versions, snapshot: rest.to_vec() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::change::SettingsPatch;
+
+    #[test]
+    fn a_checkpoint_is_read_as_it_was_written() {
+        let checkpoint =
+            Checkpoint { base: 3, seq: 9, versions: vec![1, 9, 4], snapshot: b"snow".to_vec() };
+        let bytes = checkpoint.encode();
+        assert_eq!(Checkpoint::decode(&bytes), Some(checkpoint));
+        for length in 0..48 {
+            assert_eq!(Checkpoint::decode(&bytes[..length]), None, "{length}");
+        }
+        assert_eq!(Checkpoint::decode(&[0xff; 64]), None);
+    }
+
+    #[test]
+    fn a_patch_that_forgets_a_timeout_is_not_one_that_leaves_it() {
+        for patch in [
+            SettingsPatch { idle_timeout_s: Some(None), ..SettingsPatch::default() },
+            SettingsPatch { delete_after_s: Some(Some(0.1)), ..SettingsPatch::default() },
+            SettingsPatch { paused: Some(true), ..SettingsPatch::default() },
+        ] {
+            let event = Event::Change(Change::Settings(patch));
+            let text = serde_json::to_string(&event).unwrap();
+            assert_eq!(serde_json::from_str::<Event>(&text).unwrap(), event, "{text}");
+        }
+    }
+
+    #[test]
+    fn lost_seqs_are_never_forgotten() {
+        let mut mark = Mark::default();
+        for i in 0..100 {
+            mark.lose(i * 10 + 5, i * 10 + 9);
+        }
+        assert_eq!(mark.lost.len(), MOST_LOST);
+        for seq in (0..100).map(|i| i * 10 + 7) {
+            assert!(mark.lost.iter().any(|range| (range.0..=range.1).contains(&seq)), "{seq}");
+        }
+        mark.lose(5, 4);
+        assert_eq!(mark.lost.len(), MOST_LOST, "an empty range is none");
+    }
+}

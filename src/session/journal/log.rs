@@ -1,0 +1,206 @@
+//! What has happened to one session and is still to be handed to the journal.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crate::session::once::Done;
+use crate::session::simulation::Simulation;
+use crate::session::snapshot::Snapshot;
+
+use super::{Ack, Entry, Event, Identity, Mark, Record, Stored, Submission};
+
+/// Entries after which a checkpoint is due, however young the last is.
+const LONGEST_JOURNAL: u64 = 8192;
+
+/// What one session has to tell the journal.
+#[derive(Default)]
+pub(crate) struct Log {
+    generation: u64,
+    /// Number of the next entry.
+    next: u64,
+    /// Entries that the newest checkpoint holds.
+    covered: u64,
+    /// Tick of the first event.
+    tick: u64,
+    events: Vec<Event>,
+    acks: Vec<Ack>,
+    /// What came of requests that carry a key.
+    answered: Vec<Arc<Done>>,
+    /// The session is still to be written.
+    create: Option<Record>,
+    /// Snapshot taken for a checkpoint.
+    pub taken: Option<Box<Taken>>,
+    /// As last submitted.
+    mark: Mark,
+    /// Since when the newest checkpoint is not the state any more.
+    outdated: Option<Instant>,
+}
+
+/// A snapshot that is to be a checkpoint.
+pub(crate) struct Taken {
+    pub snapshot: Snapshot,
+    pub seq: u64,
+    pub versions: Vec<u64>,
+}
+
+impl Log {
+    /// Of a session that is being created.
+    pub fn created(
+        identity: Arc<Identity>,
+        origin: Option<Arc<[u8]>>,
+        done: Option<Arc<Done>>,
+    ) -> Log {
+        Log {
+            create: Some(Record::Create(identity, origin)),
+            answered: done.into_iter().collect(),
+            outdated: Some(Instant::now()),
+            ..Log::default()
+        }
+    }
+
+    /// Of a session that is brought back.
+    pub fn resumed(stored: &Stored) -> Log {
+        Log {
+            generation: stored.generation,
+            next: stored.next(),
+            covered: stored.base(),
+            mark: stored.mark.clone(),
+            outdated: (stored.checkpoint.is_none() || !stored.entries.is_empty())
+                .then(Instant::now),
+            ..Log::default()
+        }
+    }
+
+    /// Counts how often the session was brought back.
+    pub fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Notes a change that goes with the next frame.
+    pub fn record(&mut self, tick: u64, event: Event) {
+        if self.events.is_empty() {
+            self.tick = tick;
+        }
+        self.events.push(event);
+    }
+
+    /// Notes what came of a request that carries a key, with the change that it made.
+    pub fn answered(&mut self, done: Done) {
+        self.answered.push(Arc::new(done));
+    }
+
+    /// Puts an answer off until everything so far is durable.
+    pub fn acknowledge(&mut self, ack: Ack) {
+        self.acks.push(ack);
+    }
+
+    /// Notes seqs whose states are lost. Returns all of them.
+    pub fn lose(&mut self, first: u64, last: u64) -> &[(u64, u64)] {
+        self.mark.lose(first, last);
+        &self.mark.lost
+    }
+
+    /// Notes that cells may have changed.
+    pub fn outdate(&mut self) {
+        self.outdated.get_or_insert_with(Instant::now);
+    }
+
+    /// Whether the newest checkpoint is the present state, but for its clock.
+    pub fn is_covered(&self) -> bool {
+        self.outdated.is_none()
+    }
+
+    /// Whether a checkpoint is due.
+    pub fn wants_checkpoint(&self, interval: Duration) -> bool {
+        self.outdated.is_some_and(|since| since.elapsed() >= interval)
+            || self.next - self.covered >= LONGEST_JOURNAL
+    }
+
+    /// Notes that a checkpoint of the present state has been taken.
+    fn cover(&mut self) {
+        self.covered = self.next;
+        self.outdated = None;
+    }
+
+    /// What the last frame left to be made durable; `ran` says whether it had cycles.
+    fn take(
+        &mut self,
+        key: u64,
+        tick: u64,
+        seq: impl FnOnce() -> u64,
+        ran: bool,
+    ) -> Option<Submission> {
+        if ran || !self.events.is_empty() {
+            self.outdate();
+        }
+        let nothing = self.events.is_empty() && self.acks.is_empty() && self.create.is_none();
+        if nothing && self.taken.is_none() {
+            return None;
+        }
+        let mut records = Vec::with_capacity(3);
+        records.extend(self.create.take());
+        if !self.events.is_empty() {
+            let events = std::mem::take(&mut self.events);
+            let entry = Entry { tick: self.tick, ran, events };
+            records.push(Record::Entry(self.next, Arc::new(entry)));
+            self.next += 1;
+        }
+        records.push(Record::Mark(self.mark_at(tick, seq())));
+        records.extend(self.answered.drain(..).map(Record::Done));
+        let acks = std::mem::take(&mut self.acks);
+        Some(Submission { key, generation: self.generation, records, acks })
+    }
+
+    /// A mark, where the session has come further than the last one says.
+    pub fn take_mark(&mut self, key: u64, tick: u64, seq: u64) -> Option<Submission> {
+        let known = (self.mark.tick, self.mark.seq) == (tick, seq);
+        if known || self.create.is_some() {
+            return None;
+        }
+        let records = vec![Record::Mark(self.mark_at(tick, seq))];
+        Some(Submission { key, generation: self.generation, records, acks: Vec::new() })
+    }
+
+    fn mark_at(&mut self, tick: u64, seq: u64) -> Mark {
+        self.mark = Mark { tick, seq, next: self.next, ..std::mem::take(&mut self.mark) };
+        self.mark.clone()
+    }
+
+    /// Everybody who waits.
+    pub fn take_acks(&mut self) -> Vec<Ack> {
+        std::mem::take(&mut self.acks)
+    }
+}
+
+/// What a frame has left of a session for the journal.
+pub(crate) struct Left {
+    pub submission: Option<Submission>,
+    /// Life of the session, number of the first entry that is not in it, and the snapshot.
+    pub checkpoint: Option<(u64, u64, Box<Taken>)>,
+}
+
+impl Simulation {
+    /// What the last frame has left for the journal.
+    pub(in crate::session) fn leave(&mut self) -> Left {
+        let (tick, ran) = (self.clock.tick(), self.flight.advance.run.cycles > 0);
+        let session = &self.session;
+        let submission = self.log.take(session.key, tick, || session.mirror().seq, ran);
+        let checkpoint = self.log.taken.take().map(|taken| {
+            self.log.cover();
+            (self.log.generation, self.log.next, taken)
+        });
+        Left { submission, checkpoint }
+    }
+}
+
+impl std::fmt::Debug for Log {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Log").field("next", &self.next).finish_non_exhaustive()
+    }
+}
+
+impl std::fmt::Debug for Taken {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Taken").field("seq", &self.seq).finish_non_exhaustive()
+    }
+}

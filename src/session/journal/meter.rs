@@ -1,0 +1,85 @@
+//! How the store is doing, for whoever asks from another thread.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+use prometheus_client::metrics::histogram::Histogram;
+
+/// How the store is doing.
+#[derive(Debug)]
+pub struct StoreVitals {
+    commits: Histogram,
+    failing: AtomicBool,
+    checkpoints: AtomicU64,
+    checkpoint_bytes: AtomicU64,
+    recovery_us: AtomicU64,
+    lost_sessions: AtomicU64,
+}
+
+impl Default for StoreVitals {
+    fn default() -> Self {
+        // A quarter of a millisecond, a good local disk, to 8 s, a broken one, by factors of two.
+        let buckets = (0..16).map(|step| 0.00025 * f64::from(1 << step));
+        StoreVitals {
+            commits: Histogram::new(buckets),
+            failing: AtomicBool::default(),
+            checkpoints: AtomicU64::default(),
+            checkpoint_bytes: AtomicU64::default(),
+            recovery_us: AtomicU64::default(),
+            lost_sessions: AtomicU64::default(),
+        }
+    }
+}
+
+impl StoreVitals {
+    /// Time that commits took until they were on disk \[s\].
+    pub fn commits(&self) -> &Histogram {
+        &self.commits
+    }
+
+    /// Whether changes can be stored.
+    pub fn is_healthy(&self) -> bool {
+        !self.failing.load(Ordering::Relaxed)
+    }
+
+    /// Checkpoints that were stored.
+    pub fn checkpoints(&self) -> u64 {
+        self.checkpoints.load(Ordering::Relaxed)
+    }
+
+    /// Their bytes.
+    pub fn checkpoint_bytes(&self) -> u64 {
+        self.checkpoint_bytes.load(Ordering::Relaxed)
+    }
+
+    /// Time that bringing sessions back took at the start.
+    pub fn recovery(&self) -> Duration {
+        Duration::from_micros(self.recovery_us.load(Ordering::Relaxed))
+    }
+
+    /// Sessions that could not be brought back at the start.
+    pub fn lost_sessions(&self) -> u64 {
+        self.lost_sessions.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn committed(&self, took: Duration) {
+        self.commits.observe(took.as_secs_f64());
+    }
+
+    pub(super) fn set_healthy(&self, healthy: bool) {
+        self.failing.store(!healthy, Ordering::Relaxed);
+    }
+
+    pub(super) fn checkpointed(&self, bytes: usize) {
+        self.checkpoints.fetch_add(1, Ordering::Relaxed);
+        self.checkpoint_bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+
+    pub(in crate::session) fn recovered(&self, took: Duration) {
+        self.recovery_us.store(took.as_micros() as u64, Ordering::Relaxed);
+    }
+
+    pub(in crate::session) fn lost(&self, sessions: usize) {
+        self.lost_sessions.fetch_add(sessions as u64, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,31 @@
+//! What makes changes last: a journal of them, checkpoints that cut it short, and a thread that
+//! commits both and answers whoever waits for that.
+//!
+//! The world hands over what came of each frame; it never waits for a disk. All that has been
+//! handed over while one batch was written goes into the next. An image of what is durable is kept
+//! in memory: it is what sessions are brought back from when the device is lost, when a commit
+//! fails, and when they wake. The store itself is read only once, at the start.
+
+mod entry;
+mod image;
+mod log;
+mod meter;
+mod replay;
+mod writer;
+
+pub(super) use entry::{Checkpoint, Entry, Event, Identity, Mark};
+pub(super) use image::{Record, Stored, Submission, assemble};
+pub(super) use log::{Left, Log, Taken};
+pub use meter::StoreVitals;
+pub(super) use replay::Replay;
+pub(super) use writer::{Feedback, Journal};
+
+use super::error::SessionError;
+
+/// Told whether what somebody waits for is durable.
+pub(super) type Ack = Box<dyn FnOnce(Result<(), SessionError>) + Send>;
+
+/// Seqs that may be published beyond the last durable one: more than anybody publishes before the
+/// next is durable, or before a file is put back that was copied. At a start numbering goes on
+/// above them.
+pub(super) const SEQ_RESERVE: u64 = 1 << 30;

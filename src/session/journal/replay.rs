@@ -1,0 +1,161 @@
+//! Bringing a session back: what was saved, what has happened since, and the ticks in between.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::session::change::Change;
+use crate::session::simulation::Simulation;
+use crate::session::snapshot::Snapshot;
+
+use super::{Entry, Event, Stored};
+
+/// Edits of one frame after which others go into the next.
+const MOST_EDITS: usize = 4096;
+
+/// Shortest and longest time a frame should take: nobody waits for its answer, but a device may
+/// take one that is much too long for a failure.
+const FRAME_TIME: (Duration, Duration) = (Duration::from_millis(50), Duration::from_millis(200));
+
+const FIRST_SLICE: u32 = 64;
+
+/// What a session still has to go through again.
+#[derive(Debug)]
+pub(crate) struct Replay {
+    entries: VecDeque<Arc<Entry>>,
+    /// Tick at which it ends.
+    until: u64,
+    /// The frame that restores what was saved comes first, by itself.
+    restores: bool,
+    /// The mirror is to show what is restored, as what was published when it was saved.
+    mirrors: bool,
+    /// No cycle follows the edits of this frame.
+    alone: bool,
+    /// Cycles in one frame, about.
+    slice: u32,
+}
+
+impl Replay {
+    /// What a session has to go through after its checkpoint, at least up to a tick. `mirrors`
+    /// says whether the mirror knows nothing better than the checkpoint.
+    pub fn new(stored: &Stored, until: u64, mirrors: bool) -> Replay {
+        Replay {
+            entries: stored.entries.clone(),
+            until,
+            restores: true,
+            mirrors: mirrors && stored.checkpoint.is_some(),
+            alone: true,
+            slice: FIRST_SLICE,
+        }
+    }
+
+    /// Ticks to be taken after a tick, and cycles they may make in this frame.
+    pub fn due(&self, tick: u64) -> (u64, u32) {
+        if self.restores || self.alone {
+            return (0, 0);
+        }
+        let until = self.entries.front().map_or(self.until, |entry| entry.tick);
+        (until.saturating_sub(tick), self.slice)
+    }
+
+    /// Whether the frame's outcome goes to the mirror.
+    pub fn publishes(&self) -> bool {
+        self.restores && self.mirrors
+    }
+
+    /// Fits the next slice to the time that a frame with the last one took.
+    pub fn fit(&mut self, frame: Duration) {
+        if frame < FRAME_TIME.0 {
+            self.slice = self.slice.saturating_mul(2);
+        } else if frame > FRAME_TIME.1 {
+            self.slice = (self.slice / 2).max(1);
+        }
+    }
+}
+
+impl Simulation {
+    /// Begins to go through again what is stored.
+    pub(in crate::session) fn begin_replay(&mut self, saved: Option<&Snapshot>, replay: Replay) {
+        match saved {
+            Some(snapshot) => self.restore(snapshot),
+            None => {
+                let origin = self.session.origin_snapshot();
+                self.begin(origin.as_ref());
+            }
+        }
+        self.replay = Some(replay);
+    }
+
+    /// Takes what happened at this tick into the next frame.
+    ///
+    /// Contacts remember whether an evaluation found them as the one before had: with objects on
+    /// the snow, frames are repeated one by one. Without them, edits of one tick may share one.
+    pub(in crate::session) fn feed_replay(&mut self) {
+        let Some(mut replay) = self.replay.take() else { return };
+        if replay.restores {
+            self.replay = Some(replay);
+            return;
+        }
+        replay.alone = false;
+        let mut fed = false;
+        while let Some(entry) = replay.entries.front().cloned() {
+            let counted = !self.colliders.is_empty() || entry.events.iter().any(moves_objects);
+            let full = self.next.edits.len() >= MOST_EDITS;
+            if entry.tick > self.clock.tick() || full || (counted && fed) {
+                // What is left over at this tick comes before the next cycle.
+                replay.alone |= entry.tick <= self.clock.tick();
+                break;
+            }
+            replay.entries.pop_front();
+            for event in &entry.events {
+                self.repeat(event);
+            }
+            fed = true;
+            if counted {
+                replay.alone = !entry.ran;
+                break;
+            }
+        }
+        self.replay = Some(replay);
+    }
+
+    fn repeat(&mut self, event: &Event) {
+        match event {
+            Event::Change(change) => self.repeat_change(change),
+            Event::Reset => {
+                let origin = self.session.origin_snapshot();
+                self.begin_anew(origin.as_ref());
+            }
+        }
+    }
+
+    /// Notes that a frame of the replay is done. Returns whether it was the last.
+    pub(in crate::session) fn advance_replay(&mut self, took: Duration) -> bool {
+        let Some(replay) = &mut self.replay else { return true };
+        if !std::mem::take(&mut replay.restores) {
+            replay.fit(took);
+        }
+        replay.alone = false;
+        let done = replay.entries.is_empty() && self.clock.tick() >= replay.until;
+        if done {
+            self.replay = None;
+            self.unpublished = true;
+        }
+        done
+    }
+}
+
+fn moves_objects(event: &Event) -> bool {
+    let Event::Change(change) = event else { return true };
+    match change {
+        Change::Snowfall(_)
+        | Change::Clearing(_)
+        | Change::AirTemperature(_)
+        | Change::Settings(_) => false,
+        Change::CreateCollider(_)
+        | Change::PutCollider(_)
+        | Change::PatchCollider { .. }
+        | Change::DeleteCollider { .. }
+        | Change::Colliders(_) => true,
+    }
+}

@@ -1,0 +1,54 @@
+//! How sessions outlive a failure, and the process.
+
+use std::time::Duration;
+
+use crate::engine::frame::{Backend, EngineError};
+use crate::store::{Ephemeral, Store, StoreError};
+
+/// Opens the device anew.
+pub type OpenBackend = Box<dyn FnMut() -> Result<Box<dyn Backend + Send>, EngineError> + Send>;
+
+/// How sessions outlive a failure, and the process.
+#[derive(Debug)]
+pub struct Durability {
+    /// Where changes and checkpoints are kept.
+    pub store: Box<dyn Store>,
+    /// Time after a change until a checkpoint is due.
+    pub checkpoint_interval: Duration,
+}
+
+impl Durability {
+    /// Time after a change until a checkpoint is due, usually.
+    pub const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
+
+    /// Nothing outlives the process.
+    pub fn ephemeral() -> Durability {
+        Durability {
+            store: Box::new(Ephemeral),
+            checkpoint_interval: Durability::CHECKPOINT_INTERVAL,
+        }
+    }
+}
+
+/// Why the world could not be started.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The operating system refuses a thread.
+    #[error("starting the engine: {0}")]
+    Thread(#[from] std::io::Error),
+    /// The device can't be used.
+    #[error("{0}")]
+    Device(#[from] EngineError),
+    /// What is stored can't be read.
+    #[error("reading what is stored: {0}")]
+    Store(#[from] StoreError),
+}
+
+/// Something that breaks, for tests of what happens then.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// The device is lost, as when its driver crashes.
+    LoseDevice,
+    /// The engine's thread panics.
+    Panic,
+}

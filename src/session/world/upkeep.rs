@@ -1,0 +1,309 @@
+//! What sessions need from time to time: marks, checkpoints, hibernation, and an end.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use tracing::{debug, info};
+
+use crate::engine::frame::EngineError;
+use crate::session::error::SessionError;
+use crate::session::handle::Session;
+use crate::session::journal::{Feedback, Left, Record, Submission};
+use crate::session::orders::Answer;
+
+use super::engine::Engine;
+use super::revive::Revival;
+
+/// Cells of which checkpoints are made in one frame when the server stops.
+const LAST_CHECKPOINTS: u64 = 4 << 20;
+
+impl Engine {
+    /// Looks after the sessions whose turn it is in this frame.
+    ///
+    /// # Errors
+    /// Those of the backend, where sessions that panicked are brought back.
+    pub(super) fn look_after_sessions(&mut self) -> Result<(), EngineError> {
+        let fallen = std::mem::take(&mut self.fallen);
+        if !fallen.is_empty() {
+            self.go_back(&fallen)?;
+        }
+        if self.looked_after == self.frame {
+            return Ok(());
+        }
+        self.looked_after = self.frame;
+        for key in self.rounds.due(self.frame) {
+            self.look_after(key);
+        }
+        self.journal.send();
+        Ok(())
+    }
+
+    fn look_after(&mut self, key: u64) {
+        if self.leaving.contains_key(&key) {
+            return;
+        }
+        let (frame, durable) = (self.frame, self.journal.durable);
+        let session = match self.simulations.get(&key) {
+            Some(simulation) => &simulation.session,
+            None => match self.hibernating.get(&key) {
+                Some(session) => session,
+                None => return,
+            },
+        };
+        // A request under way and a stream hold the session as well as we and its name do.
+        if Arc::strong_count(session) > 2 {
+            session.touch();
+        }
+        let settings = session.mirror().settings;
+        let idle = session.idle_for();
+        if settings.delete_after_s.is_some_and(|kept| idle > kept) {
+            info!(session = session.id, "deleted: nobody has asked for it");
+            self.delete(key, None);
+            return;
+        }
+        let Some(simulation) = self.simulations.get_mut(&key) else { return };
+        simulation.catch_up(frame);
+        if durable && !simulation.frozen {
+            let (tick, seq) = (simulation.clock.tick(), simulation.session.mirror().seq);
+            if let Some(mark) = simulation.log.take_mark(key, tick, seq) {
+                self.journal.add(mark);
+            }
+        }
+        let free = self.checkpointing.is_none() && self.journal.refusal().is_none();
+        if !free || simulation.step.is_some() || simulation.frozen {
+            return;
+        }
+        let tired = settings.idle_timeout_s.is_some_and(|timeout| idle > timeout);
+        if tired || simulation.log.wants_checkpoint(self.checkpoint_interval) {
+            simulation.frozen = tired;
+            simulation.next.checkpoint = true;
+            self.checkpointing = Some(key);
+            self.simulations.set_active(key, true);
+        }
+    }
+
+    /// Hands what a frame has left of a session to the journal.
+    pub(super) fn hand_over(&mut self, key: u64, left: Left) {
+        if let Some(submission) = left.submission {
+            self.journal.add(submission);
+        }
+        if let Some((generation, base, taken)) = left.checkpoint {
+            self.journal.checkpoint(key, generation, base, taken);
+        }
+    }
+
+    /// Does what the journal asks for.
+    ///
+    /// # Errors
+    /// Those of the backend, where sessions have to go back to what is durable.
+    pub(super) fn hear_journal(&mut self) -> Result<(), EngineError> {
+        while let Some(feedback) = self.journal.told() {
+            match feedback {
+                Feedback::Undo { keys, refused, why } => {
+                    let done = self.go_back(&keys);
+                    refused.into_iter().for_each(|ack| ack(Err(why.clone())));
+                    done?;
+                }
+                Feedback::Deleted { key, result } => self.deleted(key, &result),
+                Feedback::Checkpoint { key, generation, stored } => {
+                    self.checkpointed(key, generation, stored);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Has sessions go back to what is durable of them.
+    fn go_back(&mut self, keys: &[u64]) -> Result<(), EngineError> {
+        let why = self.journal.refusal().unwrap_or_else(|| {
+            SessionError::Unavailable("the session went back to what is stored".to_owned())
+        });
+        for &key in keys {
+            let Some(mut simulation) = self.simulations.remove(&key) else { continue };
+            self.backend.release(simulation.slot);
+            self.slots.give_back(simulation.slot);
+            if self.checkpointing == Some(key) {
+                self.checkpointing = None;
+            }
+            let session = simulation.session.clone();
+            let reads = simulation.next.take_reads();
+            let until = simulation.until();
+            simulation.refuse_all(&why);
+            match self.journal.new_life(key) {
+                Some(stored) => {
+                    let revival = Revival::anew(session, stored, until).with(reads);
+                    self.comebacks.insert(key, revival);
+                }
+                None => {
+                    reads.refuse(&why);
+                    self.forget(key, &session);
+                }
+            }
+        }
+        self.bring_back()
+    }
+
+    fn checkpointed(&mut self, key: u64, generation: u64, stored: bool) {
+        if self.checkpointing == Some(key) {
+            self.checkpointing = None;
+        }
+        let frame = self.frame;
+        let Some(simulation) = self.simulations.get_mut(&key) else { return };
+        if simulation.log.generation() != generation {
+            return;
+        }
+        if !stored {
+            simulation.log.outdate();
+        }
+        if simulation.frozen {
+            if stored && !simulation.has_orders() && simulation.log.is_covered() {
+                self.hibernate(key);
+            } else {
+                simulation.thaw(frame);
+                self.review(key);
+            }
+        }
+    }
+
+    /// Frees the memory of a session whose checkpoint is its state.
+    fn hibernate(&mut self, key: u64) {
+        let Some(simulation) = self.simulations.remove(&key) else { return };
+        self.backend.release(simulation.slot);
+        self.slots.give_back(simulation.slot);
+        let session = simulation.session.clone();
+        session.stand_still(simulation.clock);
+        session.hibernating.store(true, Ordering::Relaxed);
+        debug!(session = session.id, "hibernates");
+        self.hibernating.insert(key, session);
+        self.count_hibernating();
+        self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
+    }
+
+    /// Wakes a session, if it hibernates.
+    ///
+    /// # Errors
+    /// Those of the backend.
+    pub(super) fn wake(&mut self, key: u64) -> Result<(), EngineError> {
+        let frame = self.frame;
+        if let Some(simulation) = self.simulations.get_mut(&key)
+            && simulation.frozen
+        {
+            simulation.thaw(frame);
+            self.review(key);
+        }
+        let Some(session) = self.hibernating.remove(&key) else { return Ok(()) };
+        self.count_hibernating();
+        let Some(stored) = self.journal.new_life(key) else {
+            self.forget(key, &session);
+            return Ok(());
+        };
+        debug!(session = session.id, "wakes");
+        self.comebacks.insert(key, Revival::anew(session, stored, 0));
+        self.bring_back()
+    }
+
+    /// Deletes a session: first from the store, then from the device.
+    pub(super) fn delete(&mut self, key: u64, reply: Option<Answer<()>>) {
+        let generation = match self.simulations.get(&key) {
+            Some(simulation) => simulation.log.generation(),
+            None => self.journal.generation(key),
+        };
+        let waiting = self.leaving.entry(key).or_default();
+        let begun = !waiting.is_empty();
+        waiting.extend(reply);
+        if !begun {
+            let records = vec![Record::Delete];
+            self.journal.add(Submission { key, generation, records, acks: Vec::new() });
+            self.journal.send();
+        }
+    }
+
+    fn deleted(&mut self, key: u64, result: &Result<(), SessionError>) {
+        let waiting = self.leaving.remove(&key).unwrap_or_default();
+        if result.is_ok() {
+            if let Some(session) = self.hibernating.remove(&key) {
+                self.count_hibernating();
+                self.forget(key, &session);
+            } else if let Some(simulation) = self.simulations.get(&key) {
+                let id = simulation.session.id.clone();
+                self.remove(key, &SessionError::NotFound { kind: "session", id });
+            }
+        }
+        for reply in waiting {
+            // Whoever has gone away needs no answer.
+            drop(reply.send(result.clone()));
+        }
+    }
+
+    pub(super) fn count_hibernating(&self) {
+        self.vitals.hibernating.store(self.hibernating.len() as u64, Ordering::Relaxed);
+    }
+
+    /// Notes that a session is no more.
+    pub(super) fn forget(&mut self, key: u64, session: &Session) {
+        self.rounds.remove(key);
+        self.names.remove(&session.id);
+        session.gone.cancel();
+    }
+
+    /// Marks how far all sessions have come.
+    pub(super) fn mark_all(&mut self) {
+        let frame = self.frame;
+        for (key, simulation) in self.simulations.iter_mut() {
+            simulation.catch_up(frame);
+            let (tick, seq) = (simulation.clock.tick(), simulation.session.mirror().seq);
+            if let Some(mark) = simulation.log.take_mark(key, tick, seq) {
+                self.journal.add(mark);
+            }
+        }
+        self.journal.send();
+    }
+
+    /// Writes the last checkpoints and marks, where it was told to stop.
+    pub(super) fn finish(&mut self) {
+        let Some(deadline) = self.stop.filter(|_| self.journal.durable) else { return };
+        let began = Instant::now();
+        let frame = self.frame;
+        let mut left = Vec::new();
+        for (key, simulation) in self.simulations.iter_mut() {
+            simulation.catch_up(frame);
+            simulation.frozen = true;
+            if !simulation.log.is_covered() {
+                left.push(key);
+            }
+        }
+        let count = left.len();
+        let mut missing = 0;
+        while !left.is_empty() && Instant::now() < deadline {
+            let mut cells = 0;
+            self.simulations.take_active();
+            while let Some(&key) = left.last()
+                && cells < LAST_CHECKPOINTS
+            {
+                left.pop();
+                if let Some(simulation) = self.simulations.get_mut(&key) {
+                    simulation.next.checkpoint = true;
+                    cells += simulation.session.spec.grid.cells();
+                    self.simulations.set_active(key, true);
+                    missing += 1;
+                }
+            }
+            if let Err(failure) = self.carry_out_frame(false) {
+                tracing::warn!("no last checkpoints: {failure}");
+                break;
+            }
+        }
+        while missing > 0 && Instant::now() < deadline {
+            let patience = deadline.saturating_duration_since(Instant::now());
+            match self.journal.wait(patience.min(Duration::from_secs(1))) {
+                Some(Feedback::Checkpoint { .. }) => missing -= 1,
+                Some(_) => {}
+                None if self.journal.refusal().is_some() => break,
+                None => {}
+            }
+        }
+        self.mark_all();
+        info!("{} of {count} last checkpoints after {:.1?}", count - left.len(), began.elapsed());
+    }
+}

@@ -1,0 +1,110 @@
+//! The device is lost, or the engine's thread panics, under load.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use firn::config::BackendChoice;
+use firn::session::Fault;
+use reqwest::{Client as Http, Method};
+use serde_json::json;
+
+use crate::client::Client;
+use crate::disk::Disk;
+use crate::on_each_backend;
+use crate::process::send;
+use crate::support::{Options, Server, small};
+
+on_each_backend!(sessions_survive_their_device, sessions_survive_a_panic);
+
+/// Longest time until everything is as before.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+async fn sessions_survive_their_device(backend: BackendChoice) {
+    survive(Server::start(backend).await, Fault::LoseDevice).await;
+    let durability = Disk::default().durability(Duration::from_millis(200));
+    let stored = Server::start_stored(backend, Options::default(), durability).await;
+    survive(stored, Fault::LoseDevice).await;
+}
+
+async fn sessions_survive_a_panic(backend: BackendChoice) {
+    survive(Server::start(backend).await, Fault::Panic).await;
+    let durability = Disk::default().durability(Duration::from_millis(200));
+    let stored = Server::start_stored(backend, Options::default(), durability).await;
+    survive(stored, Fault::Panic).await;
+}
+
+async fn survive(server: Server, fault: Fault) {
+    let live = json!({"grid": {"width": 20, "depth": 20, "height": 40, "cell_size": 0.2},
+        "time_scale": 0.1, "initial_snow": [{"depth": 5}]});
+    let live = server.create(live).await;
+    let mut paths = vec![live.clone()];
+    for _ in 0..3 {
+        paths.push(server.create(small()).await);
+    }
+    let still = server.create(small()).await;
+    server.step(&still, 50).await;
+    let before = server.get(&format!("{still}/digest")).await.expect(200);
+    let epoch = server.get(&live).await.expect(200)["epoch"].clone();
+    let mut stream = Client::open(&server, &live).await;
+    stream.send(json!({"op": "subscribe", "id": 1})).await;
+    let first = stream.heights_of(1).await;
+
+    let over = Arc::new(AtomicBool::new(false));
+    let mut writers = Vec::new();
+    for path in &paths {
+        let (base, at, over) = (server.url.clone(), format!("{path}/snowfalls"), over.clone());
+        writers.push(tokio::spawn(async move {
+            let (http, fall, mut fallen) = (Http::new(), json!({"depth": 0.01}), 0.0);
+            while !over.load(Ordering::Relaxed) {
+                let answer = send(&http, &base, Method::POST, &at, Some(&fall)).await;
+                match answer.expect("it answers") {
+                    (200, answer) => fallen += answer["fallen_mass"].as_f64().unwrap(),
+                    // Refused: it did not fall.
+                    (status, answer) => assert_eq!(status, 503, "{answer}"),
+                }
+            }
+            fallen
+        }));
+    }
+    for _ in 0..2 {
+        tokio::time::sleep(Duration::from_millis(400)).await;
+        server.sessions.sabotage(fault).await;
+        let began = Instant::now();
+        // Who asks while it is lost is told to ask again.
+        let again = loop {
+            let reply = server.get(&format!("{still}/digest")).await;
+            if reply.status == 200 {
+                break reply.json();
+            }
+            reply.problem(503);
+            assert!(began.elapsed() < PATIENCE, "not back after {PATIENCE:?}");
+        };
+        assert_eq!(again["digest"], before["digest"]);
+        assert!(began.elapsed() < PATIENCE, "back after {:?}", began.elapsed());
+    }
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    over.store(true, Ordering::Relaxed);
+    for (path, writer) in paths.iter().zip(writers) {
+        let fallen = writer.await.unwrap();
+        let depth = if *path == live { 5.0 * 400.0 } else { 70.0 } * 20.0 * 0.04;
+        let mass = server.get(&format!("{path}/mass")).await.expect(200);
+        assert_eq!(mass["imbalance_quanta"], 0);
+        let there = mass["fallen"].as_f64().unwrap() - depth;
+        assert!((there - fallen).abs() < 1e-3, "{path}: {there} of {fallen} kg");
+    }
+    // The stream went on, and tells what is there.
+    server.patch(&live, json!({"paused": true})).await.expect(200);
+    let heights = server.get(&format!("{live}/heights")).await.expect(200);
+    let seq = heights["seq"].as_u64().unwrap();
+    assert!(seq > first);
+    while stream.heights_of(1).await < seq {}
+    let rounded: Vec<f64> = crate::support::numbers(&heights["heights"])
+        .into_iter()
+        .map(|height| (height / 0.001 + 0.5).floor() / 1000.0)
+        .collect();
+    assert!(stream.view(1).samples_equal(&rounded));
+    assert_eq!(server.get(&live).await.expect(200)["epoch"], epoch);
+    server.get("/readyz").await.expect(200);
+    server.stop().await;
+}

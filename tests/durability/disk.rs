@@ -1,0 +1,149 @@
+//! A disk that fails in all the ways that disks do.
+
+use std::io::{self, ErrorKind};
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::Duration;
+
+use firn::session::Durability;
+use firn::store::RedbStore;
+use rand::rngs::SmallRng;
+use rand::{Rng, SeedableRng};
+use redb::{Builder, StorageBackend};
+
+/// Bytes that a disk writes whole or not at all.
+const SECTOR: usize = 512;
+
+/// How a disk fails.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Failing {
+    /// Nothing new can be written.
+    Full,
+    /// Nothing can be written at all.
+    ReadOnly,
+    /// What was written is there, but nobody can say for how long.
+    NoSync,
+}
+
+/// A disk with one file. Clones are the same.
+#[derive(Clone, Debug, Default)]
+pub struct Disk(Arc<Mutex<State>>);
+
+#[derive(Debug, Default)]
+struct State {
+    /// As it is read.
+    bytes: Vec<u8>,
+    /// As it is after a power cut, if nothing of the rest has reached the disk.
+    synced: Vec<u8>,
+    unsynced: Vec<Operation>,
+    failing: Option<Failing>,
+}
+
+#[derive(Debug)]
+enum Operation {
+    Write(u64, Vec<u8>),
+    Length(u64),
+}
+
+impl Operation {
+    fn apply(&self, bytes: &mut Vec<u8>) {
+        match self {
+            Operation::Write(at, data) => {
+                let (at, end) = (*at as usize, *at as usize + data.len());
+                if bytes.len() < end {
+                    bytes.resize(end, 0);
+                }
+                bytes[at..end].copy_from_slice(data);
+            }
+            Operation::Length(length) => bytes.resize(*length as usize, 0),
+        }
+    }
+}
+
+impl Disk {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap()
+    }
+
+    /// A store on it.
+    pub fn durability(&self, checkpoint_interval: Duration) -> Durability {
+        let disk = self.clone();
+        let open = move |check| {
+            let mut builder = Builder::new();
+            builder.set_check_integrity_on_open(check).create_with_backend(disk.clone())
+        };
+        let store = RedbStore::with(Box::new(open)).expect("the disk holds a database");
+        Durability { store: Box::new(store), checkpoint_interval }
+    }
+
+    /// Makes it fail from now on, or no longer.
+    pub fn fail(&self, failing: Option<Failing>) {
+        self.state().failing = failing;
+    }
+
+    /// What is on it after a power cut: all that was synced, and of the rest any sectors.
+    pub fn cut(&self, seed: u64) -> Disk {
+        let mut dice = SmallRng::seed_from_u64(seed);
+        let state = self.state();
+        let mut bytes = state.synced.clone();
+        for operation in &state.unsynced {
+            match operation {
+                Operation::Length(_) if dice.random_bool(0.5) => operation.apply(&mut bytes),
+                Operation::Length(_) => {}
+                Operation::Write(at, data) => {
+                    for (i, sector) in data.chunks(SECTOR).enumerate() {
+                        if dice.random_bool(0.5) {
+                            let at = at + (i * SECTOR) as u64;
+                            Operation::Write(at, sector.to_vec()).apply(&mut bytes);
+                        }
+                    }
+                }
+            }
+        }
+        let synced = bytes.clone();
+        Disk(Arc::new(Mutex::new(State { bytes, synced, ..State::default() })))
+    }
+
+    fn change(&self, operation: Operation) -> io::Result<()> {
+        let mut state = self.state();
+        match state.failing {
+            Some(Failing::Full) => return Err(ErrorKind::StorageFull.into()),
+            Some(Failing::ReadOnly) => return Err(ErrorKind::ReadOnlyFilesystem.into()),
+            Some(Failing::NoSync) | None => {}
+        }
+        operation.apply(&mut state.bytes);
+        state.unsynced.push(operation);
+        Ok(())
+    }
+}
+
+impl StorageBackend for Disk {
+    fn len(&self) -> io::Result<u64> {
+        Ok(self.state().bytes.len() as u64)
+    }
+
+    fn read(&self, offset: u64, out: &mut [u8]) -> io::Result<()> {
+        let state = self.state();
+        let (at, end) = (offset as usize, offset as usize + out.len());
+        let found = state.bytes.get(at..end).ok_or(ErrorKind::UnexpectedEof)?;
+        out.copy_from_slice(found);
+        Ok(())
+    }
+
+    fn set_len(&self, len: u64) -> io::Result<()> {
+        self.change(Operation::Length(len))
+    }
+
+    fn sync_data(&self) -> io::Result<()> {
+        let mut state = self.state();
+        if state.failing.is_some() {
+            return Err(io::Error::other("the disk does not answer"));
+        }
+        let State { synced, unsynced, .. } = &mut *state;
+        unsynced.drain(..).for_each(|operation| operation.apply(synced));
+        Ok(())
+    }
+
+    fn write(&self, offset: u64, data: &[u8]) -> io::Result<()> {
+        self.change(Operation::Write(offset, data.to_vec()))
+    }
+}

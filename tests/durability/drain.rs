@@ -1,0 +1,52 @@
+//! The server is asked to stop.
+
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+
+use crate::client::Client;
+use crate::process::Process;
+use crate::script::session;
+use crate::support::{Server, small};
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_that_is_asked_to_stop_saves_everything_in_time() {
+    let data = tempfile::tempdir().unwrap();
+    let options = ["--backend", "cpu", "--drain-timeout", "5s", "--checkpoint-interval", "1h"];
+    let server = Process::ready(data.path(), &options).await;
+    for i in 0..20 {
+        let path = format!("/v1/sessions/s{i}");
+        server.post("/v1/sessions", session(&format!("s{i}"))).await;
+        server.post(&format!("{path}/snowfalls"), json!({"depth": 0.2})).await;
+        server.post(&format!("{path}/step"), json!({"ticks": 30})).await;
+    }
+    let before = server.get("/v1/sessions/s7/digest").await;
+    let mut stream =
+        Client::try_open(&server.url, "/v1/sessions/s7", "firn.v1.json").await.expect("it opens");
+    let began = Instant::now();
+    server.terminate();
+    let end = loop {
+        match stream.try_next().await {
+            Ok(_) => {}
+            Err(end) => break end,
+        }
+    };
+    assert!(end.contains("1001") || end.contains("Away"), "{end}");
+    drop(stream);
+    let (success, log) = server.ended().await;
+    assert!(success && began.elapsed() < Duration::from_secs(6), "{log:#?}");
+    assert!(log.iter().any(|line| line.contains("20 of 20 last checkpoints")), "{log:#?}");
+
+    let server = Process::ready(data.path(), &options).await;
+    let after = server.get("/v1/sessions/s7/digest").await;
+    assert_eq!(after["digest"], before["digest"]);
+    server.kill().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn no_session_begins_while_the_server_stops() {
+    let server = Server::start(firn::config::BackendChoice::Cpu).await;
+    server.sessions.close();
+    server.post("/v1/sessions", small()).await.problem(503);
+    server.stop().await;
+}

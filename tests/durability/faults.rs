@@ -1,0 +1,189 @@
+//! Power cuts, full disks, and disks that can't be written to.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use firn::config::BackendChoice;
+use reqwest::{Client as Http, Method};
+use serde_json::{Value, json};
+
+use crate::client::Client;
+use crate::disk::{Disk, Failing};
+use crate::on_each_backend;
+use crate::process::{Process, send};
+use crate::script::{history, session};
+use crate::support::{Options, Server, small};
+
+on_each_backend!(a_disk_that_fails_refuses_changes_and_nothing_else);
+
+/// Longest time until a disk that works again is written to.
+const HEALING: Duration = Duration::from_secs(10);
+
+async fn start(backend: BackendChoice, disk: &Disk) -> Server {
+    let durability = disk.durability(Duration::from_millis(300));
+    Server::start_stored(backend, Options::default(), durability).await
+}
+
+/// Everything of a session that a client can see and that does not depend on publications.
+async fn seen(server: &Server, path: &str) -> Vec<Value> {
+    let mut answers = Vec::new();
+    for read in ["/digest", "/mass", "/heights", "/colliders"] {
+        let mut answer = server.get(&format!("{path}{read}")).await.expect(200);
+        answer["seq"] = Value::Null;
+        answers.push(answer);
+    }
+    answers
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_power_cut_loses_nothing_acknowledged() {
+    let mut disk = Disk::default();
+    let mut server = start(BackendChoice::Cpu, &disk).await;
+    let mut paths = Vec::new();
+    for _ in 0..4 {
+        paths.push(server.create(small()).await);
+    }
+    let mut known = [1.0; 4];
+    for round in 0..12 {
+        let over = Arc::new(AtomicBool::new(false));
+        let counts: Vec<(Arc<AtomicU64>, Arc<AtomicU64>)> =
+            paths.iter().map(|_| Default::default()).collect();
+        let mut clients = Vec::new();
+        for (path, (asked, done)) in paths.iter().zip(&counts) {
+            let url = format!("{path}/snowfalls");
+            let (base, asked, done) = (server.url.clone(), asked.clone(), done.clone());
+            let over = over.clone();
+            clients.push(tokio::spawn(async move {
+                let (http, fall) = (Http::new(), json!({"depth": 0.01}));
+                while !over.load(Ordering::Relaxed) {
+                    asked.fetch_add(1, Ordering::SeqCst);
+                    let answer = send(&http, &base, Method::POST, &url, Some(&fall)).await;
+                    assert_eq!(answer.expect("it answers").0, 200);
+                    done.fetch_add(1, Ordering::SeqCst);
+                }
+            }));
+        }
+        tokio::time::sleep(Duration::from_millis(40 + 37 * round)).await;
+        // What is acknowledged before the cut must be there, what is asked after it can't be.
+        let done: Vec<u64> = counts.iter().map(|(_, done)| done.load(Ordering::SeqCst)).collect();
+        let cut = disk.cut(round);
+        let asked: Vec<u64> =
+            counts.iter().map(|(asked, _)| asked.load(Ordering::SeqCst)).collect();
+        over.store(true, Ordering::Relaxed);
+        for client in clients {
+            client.await.unwrap();
+        }
+        server.stop().await;
+        disk = cut;
+        server = start(BackendChoice::Cpu, &disk).await;
+        let columns = 10.0 * 7.0 * 0.04 * 20.0;
+        for (i, path) in paths.iter().enumerate() {
+            let mass = server.get(&format!("{path}/mass")).await.expect(200);
+            assert_eq!(mass["imbalance_quanta"], 0);
+            let depth = mass["fallen"].as_f64().unwrap() / columns;
+            let falls = (depth - known[i]) / 0.01;
+            let within = done[i] as f64 - 0.01..=asked[i] as f64 + 0.01;
+            assert!(within.contains(&falls), "round {round}: {falls} falls, {within:?} known");
+            known[i] = depth;
+        }
+    }
+    server.stop().await;
+}
+
+async fn a_disk_that_fails_refuses_changes_and_nothing_else(backend: BackendChoice) {
+    let disk = Disk::default();
+    let mut server = start(backend, &disk).await;
+    let mut paused = session("paused");
+    paused["idle_timeout_s"] = json!(1);
+    let path = server.create(paused).await;
+    for (method, at, body) in history(3, 30) {
+        let (at, body) = (format!("{path}{at}"), body.to_string().into_bytes());
+        let headers = [("content-type", "application/json")];
+        let reply = server.send(method, &at, &headers, body).await;
+        assert!(reply.status < 300, "{at}");
+    }
+    let fall = json!({"depth": 0.1});
+    for failing in [Failing::Full, Failing::ReadOnly, Failing::NoSync] {
+        let live = json!({"grid": {"width": 9, "depth": 9, "height": 40, "cell_size": 0.2},
+            "time_scale": 0.1, "initial_snow": [{"depth": 7}]});
+        let live = server.create(live).await;
+        let before = seen(&server, &path).await;
+        let mut stream = Client::open(&server, &live).await;
+        stream.send(json!({"op": "subscribe", "id": 1})).await;
+        stream.heights_of(1).await;
+
+        disk.fail(Some(failing));
+        // The first ones find out, the others are refused at once; neither leaves a trace.
+        for _ in 0..3 {
+            let refused = server.post(&format!("{path}/snowfalls"), fall.clone()).await;
+            let problem = refused.problem(507);
+            assert_eq!(problem["type"], "urn:firn:problem:storage-failed", "{failing:?}");
+            assert_eq!(seen(&server, &path).await, before, "{failing:?}");
+        }
+        server.post(&format!("{path}/step"), json!({"ticks": 5})).await.problem(507);
+        server.post(&format!("{path}/reset"), Value::Null).await.problem(507);
+        server.post("/v1/sessions", small()).await.problem(507);
+        server.delete(&format!("{path}/colliders/boot")).await.problem(507);
+        server.delete(&path).await.problem(507);
+        assert_eq!(seen(&server, &path).await, before, "{failing:?}");
+        // Time goes on, and streams tell it.
+        let tick = server.get(&live).await.expect(200)["tick"].as_u64().unwrap();
+        while stream.heights_of(1).await < 20 {}
+        while server.get(&live).await.expect(200)["tick"].as_u64().unwrap() < tick + 30 {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+
+        disk.fail(None);
+        let began = Instant::now();
+        while server.post(&format!("{path}/snowfalls"), fall.clone()).await.status == 507 {
+            assert!(began.elapsed() < HEALING);
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        let fallen = |answers: &[Value]| answers[1]["fallen"].as_f64().unwrap();
+        let after = seen(&server, &path).await;
+        let once = 0.1 * 20.0 * 21.0 * 18.0 * 0.04;
+        assert!((fallen(&after) - fallen(&before) - once).abs() < 1e-3, "one has fallen");
+        drop(stream);
+        assert_eq!(server.delete(&live).await.status, 204);
+
+        // What is on the disk now is the same.
+        let copy = disk.cut(1);
+        let twin = start(backend, &copy).await;
+        assert_eq!(seen(&twin, &path).await, after, "{failing:?}");
+        twin.get(&live).await.problem(404);
+        twin.stop().await;
+    }
+    let after = seen(&server, &path).await;
+    server.stop().await;
+    server = start(backend, &disk).await;
+    assert_eq!(seen(&server, &path).await, after);
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn a_directory_that_can_not_be_used_is_said_at_the_start() {
+    let data = tempfile::tempdir().unwrap();
+    let file = data.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    for directory in [&file, &file.join("below"), std::path::Path::new("/proc/firn")] {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_firn"))
+            .args(["serve", "--listen", "127.0.0.1:0", "--backend", "cpu", "--data-dir"])
+            .arg(directory)
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        assert!(text.contains("--data-dir") && text.contains("--ephemeral"), "{text}");
+    }
+    // Two servers don't share one.
+    let first = Process::ready(data.path(), &["--backend", "cpu"]).await;
+    let second = std::process::Command::new(env!("CARGO_BIN_EXE_firn"))
+        .args(["serve", "--listen", "127.0.0.1:0", "--backend", "cpu", "--data-dir"])
+        .arg(data.path())
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&second.stderr);
+    assert!(!second.status.success() && text.contains("another server"), "{text}");
+    first.kill().await;
+}

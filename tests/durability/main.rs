@@ -1,0 +1,20 @@
+//! Nothing acknowledged is ever lost: restarts, kills, power cuts, full disks, damaged files, lost
+//! devices.
+
+#[path = "../stream/client.rs"]
+#[allow(dead_code)]
+mod client;
+mod damage;
+mod device;
+mod disk;
+mod drain;
+mod faults;
+mod hibernation;
+mod kill;
+mod process;
+mod restart;
+mod resume;
+mod script;
+mod secrets;
+#[path = "../support/mod.rs"]
+mod support;

@@ -1,0 +1,131 @@
+//! What comes back after the server was stopped, cleanly or not.
+
+use std::time::Duration;
+
+use firn::config::BackendChoice;
+use reqwest::Method;
+use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::process::Process;
+use crate::script::{Step, history, session};
+
+on_each_backend!(
+    a_session_that_came_back_equals_its_twin,
+    a_live_session_comes_back_to_a_state_of_its_own_past,
+    a_clean_stop_loses_nothing_at_all,
+);
+
+fn name(backend: BackendChoice) -> &'static str {
+    if backend == BackendChoice::Cpu { "cpu" } else { "gpu" }
+}
+
+async fn carry_out(server: &Process, id: &str, steps: &[Step]) {
+    for (method, path, body) in steps {
+        let path = format!("/v1/sessions/{id}{path}");
+        let answered = server.send(method.clone(), &path, Some(body)).await;
+        let (status, answer) = answered.expect("it answers");
+        assert!((200..300).contains(&status), "{path} {body}: {answer}");
+    }
+}
+
+async fn digest(server: &Process, id: &str) -> (Value, Value) {
+    let answer = server.get(&format!("/v1/sessions/{id}/digest")).await;
+    (answer["digest"].clone(), answer["tick"].clone())
+}
+
+/// Kills the server again and again in the middle of a history.
+async fn a_session_that_came_back_equals_its_twin(backend: BackendChoice) {
+    let (ours, theirs) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    // Checkpoints lie anywhere, or nowhere.
+    for (seed, interval) in [(1, "50ms"), (2, "1h")] {
+        let options = ["--backend", name(backend), "--checkpoint-interval", interval];
+        let id = &format!("twin-{seed}");
+        let twin = Process::ready(theirs.path(), &["--backend", name(backend)]).await;
+        twin.post("/v1/sessions", session(id)).await;
+        let mut server = Process::ready(ours.path(), &options).await;
+        let created = server.post("/v1/sessions", session(id)).await;
+        for steps in history(seed, 60).chunks(15) {
+            carry_out(&twin, id, steps).await;
+            carry_out(&server, id, steps).await;
+            server.kill().await;
+            server = Process::ready(ours.path(), &options).await;
+            assert_eq!(digest(&server, id).await, digest(&twin, id).await, "seed {seed}");
+        }
+        let back = server.get(&format!("/v1/sessions/{id}")).await;
+        for field in ["id", "epoch", "created_at"] {
+            assert_eq!(back[field], created[field]);
+        }
+        // A reset leads to the same beginning in both.
+        for process in [&twin, &server] {
+            carry_out(process, id, &[(Method::POST, "/reset".to_owned(), Value::Null)]).await;
+            carry_out(process, id, &history(seed + 10, 5)).await;
+        }
+        server.kill().await;
+        let server = Process::ready(ours.path(), &options).await;
+        assert_eq!(digest(&server, id).await, digest(&twin, id).await);
+        server.kill().await;
+        twin.kill().await;
+    }
+}
+
+/// What a live session was at the tick that it comes back at, a twin is at that tick too.
+async fn a_live_session_comes_back_to_a_state_of_its_own_past(backend: BackendChoice) {
+    let data = tempfile::tempdir().unwrap();
+    let options = ["--backend", name(backend), "--checkpoint-interval", "300ms"];
+    let server = Process::ready(data.path(), &options).await;
+    server.post("/v1/sessions", session("live")).await;
+    let running = json!({"paused": false});
+    server.send(Method::PATCH, "/v1/sessions/live", Some(&running)).await.unwrap();
+    tokio::time::sleep(Duration::from_millis(1700)).await;
+    let before = server.get("/v1/sessions/live").await;
+    server.kill().await;
+
+    let server = Process::ready(data.path(), &options).await;
+    let paused = json!({"paused": true});
+    server.send(Method::PATCH, "/v1/sessions/live", Some(&paused)).await.unwrap();
+    let after = server.get("/v1/sessions/live").await;
+    let (then, now) = (before["tick"].as_u64().unwrap(), after["tick"].as_u64().unwrap());
+    assert!(now + 45 >= then, "back at tick {now}, was at {then} at 45 Hz");
+    let (ours, _) = digest(&server, "live").await;
+    server.post("/v1/sessions", session("twin")).await;
+    server.post("/v1/sessions/twin/step", json!({ "ticks": now })).await;
+    assert_eq!(digest(&server, "twin").await.0, ours);
+    server.kill().await;
+}
+
+async fn a_clean_stop_loses_nothing_at_all(backend: BackendChoice) {
+    let data = tempfile::tempdir().unwrap();
+    let options = ["--backend", name(backend)];
+    let server = Process::ready(data.path(), &options).await;
+    let id = "kept";
+    server.post("/v1/sessions", session(id)).await;
+    carry_out(&server, id, &history(5, 40)).await;
+    let mut live = session("live");
+    live["paused"] = json!(false);
+    server.post("/v1/sessions", live).await;
+    let paths = ["", "/colliders", "/heights", "/digest", "/mass"];
+    let read = async |server: &Process| {
+        let mut answers = Vec::new();
+        for path in paths {
+            answers.push(server.get(&format!("/v1/sessions/{id}{path}")).await);
+        }
+        answers
+    };
+    let mut before = read(&server).await;
+    let tick = server.get("/v1/sessions/live").await["tick"].as_u64().unwrap();
+    server.terminate();
+    let (success, log) = server.ended().await;
+    assert!(success, "{log:#?}");
+
+    let server = Process::ready(data.path(), &options).await;
+    let mut after = read(&server).await;
+    for answers in [&mut before, &mut after] {
+        // Which tiles are awake is looked into anew, and that nothing moved is published.
+        answers[0]["summary"]["active_tiles"] = Value::Null;
+        answers.iter_mut().for_each(|answer| answer["seq"] = Value::Null);
+    }
+    assert_eq!(after, before);
+    assert!(server.get("/v1/sessions/live").await["tick"].as_u64().unwrap() >= tick);
+    server.kill().await;
+}
