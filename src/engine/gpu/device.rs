@@ -1,6 +1,6 @@
 //! The graphics device: which one is taken, and what has gone wrong with it.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use tracing::warn;
 
@@ -29,12 +29,7 @@ impl Device {
     /// # Errors
     /// [`EngineError::NoAdapter`] where none can run the kernels.
     pub fn open() -> Result<Device, EngineError> {
-        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-        descriptor.backends = wgpu::Backends::PRIMARY;
-        // Indirect arguments come from our own kernel: no need to check them at every dispatch.
-        descriptor.flags = wgpu::InstanceFlags::default()
-            .difference(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
-        let instance = wgpu::Instance::new(descriptor);
+        let instance = instance();
         let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
         adapters.sort_by_key(|adapter| rank(adapter.get_info().device_type));
         let mut reasons = Vec::new();
@@ -147,6 +142,20 @@ impl Device {
         let most = self.device.limits().max_compute_workgroups_per_dimension;
         if count <= most { (count, 1) } else { (most, count.div_ceil(most)) }
     }
+}
+
+/// The process's one way to its drivers, never given up: a driver leaves destructors behind in every
+/// thread that has called it, and must not be unloaded before those threads have ended.
+fn instance() -> &'static wgpu::Instance {
+    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
+    INSTANCE.get_or_init(|| {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::PRIMARY;
+        // Indirect arguments come from our own kernel: no need to check them at every dispatch.
+        descriptor.flags = wgpu::InstanceFlags::default()
+            .difference(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
+        wgpu::Instance::new(descriptor)
+    })
 }
 
 fn rank(device_type: wgpu::DeviceType) -> u32 {
