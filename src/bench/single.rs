@@ -106,7 +106,11 @@ fn awake_session(host: &Host, samples: u32) -> Result<Measured, BenchError> {
     let done = AtomicBool::new(false);
     let measured = std::thread::scope(|scope| {
         scope.spawn(|| {
-            while !done.load(Ordering::Relaxed) && host.runtime.block_on(other.mass()).is_ok() {}
+            while !done.load(Ordering::Relaxed) {
+                if host.runtime.block_on(other.mass()).is_err() {
+                    break;
+                }
+            }
         });
         // Nothing here needs the runtime meanwhile but the other session.
         let measured = live_session(host, Case::SessionFrameAwake, samples);

@@ -25,6 +25,9 @@ pub fn document() -> utoipa::openapi::OpenApi {
     for (path, item) in &mut document.paths.paths {
         if path.starts_with("/v1/") {
             operations(item).for_each(guarded);
+        } else {
+            // Said, rather than left open: these take no token.
+            operations(item).for_each(|operation| operation.security = Some(Vec::new()));
         }
         if let Some(post) = item.post.as_mut().filter(|_| repeat::CALLS.contains(&path.as_str())) {
             post.parameters.get_or_insert_default().push(RefOr::T(idempotency_key()));

@@ -43,6 +43,21 @@ fn the_table_of_options_is_up_to_date() {
     assert!(table == configuration::table(), "run `make configuration`");
 }
 
+/// The environment variables that the files of `deploy/` and its neighbours set are options.
+#[test]
+fn variables_that_are_set_exist() {
+    let table = configuration::table();
+    for path in ["Dockerfile", "compose.yaml", "deploy/kubernetes/firn.yaml"] {
+        let text = read(path);
+        let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+        let named: BTreeSet<&str> = words.filter(|word| word.starts_with("FIRN_")).collect();
+        assert!(!named.is_empty(), "{path}");
+        for name in named {
+            assert!(table.contains(&format!("| `{name}` |")), "{path} sets {name}, no option");
+        }
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn metrics_that_are_spoken_of_exist_and_all_are_explained() {
     let metrics = metrics_of_a_server().await;

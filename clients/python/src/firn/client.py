@@ -12,19 +12,22 @@ from .problem import ProblemError
 from .session import Session
 from .types import SessionSpec, SessionView
 
+PATIENCE = httpx.Timeout(60, connect=5)
+"""Longer than a server takes for a request: its `--request-timeout` is 30 s where nothing else is said."""
+
 
 class Client:
     """A Firn server over REST. Its calls raise `ProblemError` where the server refuses them.
 
     `url` as in `http://127.0.0.1:8080`. `token`: the API key, or a session's token, where the server asks for one.
-    `options` go to `httpx.Client`, as `timeout` or `verify` do.
+    `options` go to `httpx.Client`, as `verify` or `timeout` do; without the latter a call waits for 60 s.
     """
 
     def __init__(self, url: str, *, token: str | None = None, **options: Any) -> None:
         self.url = url.rstrip("/")
         self.token = token
         headers = {"authorization": f"Bearer {token}"} if token else {}
-        self._http = httpx.Client(base_url=self.url, headers=headers, **options)
+        self._http = httpx.Client(base_url=self.url, headers=headers, **{"timeout": PATIENCE, **options})
 
     def __enter__(self) -> Self:
         return self

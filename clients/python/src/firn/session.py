@@ -177,7 +177,7 @@ class Session:
         return list(self._call("POST", "/probes", json={"probes": list(probes)})["probes"])
 
     def render(self, **query: Any) -> bytes:
-        """A picture as PNG, as `GET …/render.png` takes its options: `view="surface"`, `field="density"`, `width=800`."""
+        """A picture as PNG; `GET …/render.png` has the options, such as `view="surface"`, `field="density"`."""
         return self.client.request("GET", f"{self.path}/render.png", params=query).content
 
     def profile(self, column_x: int, column_z: int) -> str:
