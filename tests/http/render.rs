@@ -403,7 +403,8 @@ async fn without_any_adapter_the_answer_says_what_is_missing() {
 
     let mut program = Program(
         Command::new(env!("CARGO_BIN_EXE_firn"))
-            .args(["serve", "--demo", "--backend", "cpu", "--listen", "127.0.0.1:0"])
+            .args(["serve", "--demo", "--ephemeral", "--backend", "cpu"])
+            .args(["--listen", "127.0.0.1:0"])
             // No driver is found in a file that is no driver's.
             .envs([("VK_DRIVER_FILES", "/dev/null"), ("VK_ICD_FILENAMES", "/dev/null")])
             .env_remove("VK_ADD_DRIVER_FILES")

@@ -180,7 +180,7 @@ impl Engine {
         self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
     }
 
-    /// Wakes a session, if it hibernates.
+    /// Wakes a session, if it hibernates, and brings it back, if it has panicked.
     ///
     /// # Errors
     /// Those of the backend.
@@ -191,6 +191,10 @@ impl Engine {
         {
             simulation.thaw(frame);
             self.review(key);
+        }
+        if let Some(place) = self.fallen.iter().position(|&fallen| fallen == key) {
+            self.fallen.swap_remove(place);
+            return self.go_back(&[key]);
         }
         let Some(session) = self.hibernating.remove(&key) else { return Ok(()) };
         self.count_hibernating();
