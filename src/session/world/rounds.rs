@@ -1,10 +1,10 @@
-//! Which sessions are looked after in which frame: every one twice a second, the same number in
-//! each.
+//! Which sessions are looked after in which frame: every one more than once a second, the same
+//! number in each.
 
 use std::collections::BTreeSet;
 
 /// Frames between two looks at the same session.
-pub const ROUND: u64 = 30;
+pub const ROUND: u64 = 50;
 
 /// Sessions, spread over the frames of a round.
 #[derive(Debug)]

@@ -43,26 +43,22 @@ impl Engine {
         if self.leaving.contains_key(&key) {
             return;
         }
-        let (frame, durable) = (self.frame, self.journal.durable);
         // Thousands may be at rest: what is looked at here is little, and near.
-        let (session, settings) = match self.simulations.get(&key) {
-            Some(simulation) => (&simulation.session, simulation.settings),
-            None => match self.hibernating.get(&key) {
-                Some(session) => (session, session.mirror().settings),
-                None => return,
-            },
+        let (frame, durable) = (self.frame, self.journal.durable);
+        let Some(simulation) = self.simulations.get_mut(&key) else {
+            let Some(session) = self.hibernating.get(&key) else { return };
+            let kept = session.mirror().settings.delete_after_s;
+            if is_forsaken(session, kept, idle_time(session)) {
+                self.delete(key, None);
+            }
+            return;
         };
-        // A request under way and a stream hold the session as well as we and its name do.
-        if Arc::strong_count(session) > 2 {
-            session.touch();
-        }
-        let idle = session.idle_for();
-        if settings.delete_after_s.is_some_and(|kept| idle > kept) {
-            info!(session = session.id, "deleted: nobody has asked for it");
+        let settings = simulation.settings;
+        let idle = idle_time(&simulation.session);
+        if is_forsaken(&simulation.session, settings.delete_after_s, idle) {
             self.delete(key, None);
             return;
         }
-        let Some(simulation) = self.simulations.get_mut(&key) else { return };
         if durable && !simulation.frozen {
             simulation.catch_up(frame);
             let (tick, seq) = (simulation.clock.tick(), simulation.session.mirror().seq);
@@ -310,4 +306,22 @@ impl Engine {
         self.mark_all();
         info!("{} of {count} last checkpoints after {:.1?}", count - left.len(), began.elapsed());
     }
+}
+
+/// Seconds since anybody wanted a session.
+fn idle_time(session: &Arc<Session>) -> f64 {
+    // A request under way and a stream hold the session as well as we and its name do.
+    if Arc::strong_count(session) > 2 {
+        session.touch();
+    }
+    session.idle_for()
+}
+
+/// Whether a session is to be deleted because nobody has wanted it for so long.
+fn is_forsaken(session: &Session, kept_s: Option<f64>, idle_s: f64) -> bool {
+    let forsaken = kept_s.is_some_and(|kept| idle_s > kept);
+    if forsaken {
+        info!(session = session.id, "deleted: nobody has asked for it");
+    }
+    forsaken
 }
