@@ -160,7 +160,13 @@ async fn serve(
     let shutdown = CancellationToken::new();
     let signals = tokio::spawn(stop_on_signal(signals, shutdown.clone()));
     if options.demo {
-        tokio::spawn(make_demo(sessions.clone()));
+        let demo = make_demo(sessions.clone());
+        // Who asks first finds it, unless other sessions have to be brought back before.
+        if sessions.vitals().is_recovered() {
+            demo.await;
+        } else {
+            tokio::spawn(demo);
+        }
     }
     let app = App::new(sessions.clone(), options.requests, options.stream, gate);
     let patience = options.store.drain_timeout;
