@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { randomBytes } from "node:crypto";
 import { readFileSync } from "node:fs";
-import { after, before, test } from "node:test";
+import { after, afterEach, before, test } from "node:test";
 import { Firn } from "../../clients/typescript/src/index.ts";
 import { type Server, startServer } from "../../clients/typescript/test/server.ts";
 import { colours, dataset, keep, launch, open } from "./browser.ts";
@@ -24,6 +24,11 @@ before(async () => {
 after(async () => {
   await browser?.close();
   await server?.stop();
+});
+
+// Pages that stay open go on drawing.
+afterEach(async () => {
+  await Promise.all(browser.contexts().map((context) => context.close()));
 });
 
 const live = (page: Page) => page.locator(".connection[data-state=open]").waitFor();
