@@ -35,7 +35,8 @@ impl FromQuery for RenderQuery {
             column_z: params.whole("column_z", 0, u32::MAX),
             columns_x: params.whole("columns_x", 1, u32::MAX),
             columns_z: params.whole("columns_z", 1, u32::MAX),
-            at: params.whole("at", 0, u32::MAX),
+            // Only a section asks whether it lies in the grid: what no grid has is refused in any view.
+            at: params.whole("at", 0, i32::MAX as u32),
         }
     }
 }
