@@ -15,6 +15,7 @@ pub mod http;
 pub mod load;
 pub mod metrics;
 pub mod open_files;
+pub mod parallel;
 pub mod problem;
 pub mod render;
 pub mod session;

@@ -2,27 +2,26 @@
 //! cycles and copies out what is reported.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
 
-use crate::engine::frame::{Edit, Frame, SampleBox, Slot, Work};
+use crate::engine::frame::{Frame, Slot};
 
 use super::GpuBackend;
 use super::kernels::KernelId;
-use super::plan::{Dispatch, Planner, Round};
+use super::plan::{Dispatch, Planner};
 use super::profile::Profile;
-use super::readback::Copies;
-use super::resident::{self, Residents};
+use super::report::Reports;
+use super::resident::Residents;
+use super::survey::Survey;
 
 impl GpuBackend {
     /// Carries a frame out and begins to read back what came of it.
     pub(super) fn carry_out(&mut self, mut frame: Frame) {
-        let Survey { edits, mut rounds, tiles, groups, running, samples } = self.survey(&mut frame);
+        let survey = Survey::new(&mut frame, &self.residents);
+        let Survey { mut rounds, parts, totals, running } = survey;
         let last = rounds.pop().unwrap_or_default();
 
         self.tables.fit_to(&self.device, &self.arena);
-        let total = edits.iter().map(|&count| u64::from(count)).sum();
-        let mut encoder =
-            self.tables.begin_frame(&self.device, total, tiles, groups.len() as u64, samples);
+        let mut encoder = self.tables.begin_frame(&self.device, &totals);
         if let Some(profile) = &mut self.profile {
             profile.begin(&mut encoder);
         }
@@ -44,20 +43,23 @@ impl GpuBackend {
         let (mut planner, residents) = self.planner(&mut evaluated);
         planner.edits(residents, last);
         planner.runs(residents, &frame.work, running, tile_end, &pages, always_awake);
-        planner.reports(residents, &frame.work, &groups);
+        let loaded = frame.work.iter().zip(&parts).filter(|(_, part)| part.may_be_loaded);
+        planner.loaded_runs(residents, loaded.map(|(work, _)| work));
+        planner.reports(residents, &frame.work, &totals.groups);
         planner.samples(residents, &frame.work);
         let dispatches = planner.dispatches;
         self.encode(&mut encoder, &dispatches);
 
-        let copies = Copies::new(&frame.work, &edits, &self.residents, &self.tables, tiles, groups);
-        self.readback.copy(&self.device, &mut encoder, &self.tables, copies);
+        self.readback.copy(&self.device, &mut encoder, &self.tables, totals);
         if let Some(profile) = &self.profile {
             profile.finish(&mut encoder);
         }
         self.tables.mail.finish(&encoder);
         let buffer = encoder.finish();
         let submission = self.device.queue.submit([buffer]);
-        self.readback.begin(submission);
+        // The device is at work: what only its results need is found out meanwhile.
+        let reports = Reports::new(&frame.work, parts, &self.residents);
+        self.readback.begin(submission, reports);
     }
 
     fn planner<'a>(
@@ -74,35 +76,6 @@ impl GpuBackend {
             dispatches: Vec::new(),
         };
         (planner, &mut self.residents)
-    }
-
-    /// Looks through the work of a frame, and takes the edits out of it.
-    fn survey(&self, frame: &mut Frame) -> Survey {
-        let mut found = Survey { edits: Vec::with_capacity(frame.work.len()), ..Survey::default() };
-        let mut number = 0;
-        frame.work.retain_mut(|work| {
-            let Some(resident) = self.residents.get(work.slot) else { return false };
-            found.edits.push(work.edits.len() as u32);
-            if !work.edits.is_empty() {
-                found.take_edits(work, number);
-                number += found.edits.last().copied().unwrap_or(0);
-            }
-            let own = &resident.lot.tiles;
-            if work.publish {
-                let own = own.start / 64..own.end.div_ceil(64);
-                found.groups = match &found.groups {
-                    groups if groups.is_empty() => own,
-                    groups => groups.start.min(own.start)..groups.end.max(own.end),
-                };
-                found.tiles += resident.lot.tiles.len() as u64;
-            }
-            if work.run.cycles > 0 {
-                found.running += own.len();
-            }
-            found.samples += work.samples.iter().map(SampleBox::cells).sum::<u64>();
-            true
-        });
-        found
     }
 
     /// Writes the rows that dispatches work on, and encodes the dispatches.
@@ -151,35 +124,6 @@ impl GpuBackend {
                 let arguments = self.tables.arguments.buffer();
                 pass.dispatch_workgroups_indirect(arguments, u64::from(dispatch.page) * 12);
             }
-        }
-    }
-}
-
-/// What the work of a frame amounts to.
-#[derive(Default)]
-struct Survey {
-    /// Edits of each snowpack.
-    edits: Vec<u32>,
-    /// The edits, round by round, each with its number in the frame.
-    rounds: Vec<Vec<(Slot, Round)>>,
-    /// Most tiles that can be published, and the groups of 64 that they are among.
-    tiles: u64,
-    groups: Range<u32>,
-    /// Tiles of the snowpacks that run.
-    running: usize,
-    /// Cells of the fixed grid.
-    samples: u64,
-}
-
-impl Survey {
-    /// Takes the edits of one snowpack, the first of which has a number.
-    fn take_edits(&mut self, work: &mut Work, number: u32) {
-        let edits: Vec<(u32, Edit)> = (number..).zip(std::mem::take(&mut work.edits)).collect();
-        for (i, round) in resident::rounds(edits).into_iter().enumerate() {
-            if self.rounds.len() <= i {
-                self.rounds.push(Vec::new());
-            }
-            self.rounds[i].push((work.slot, round));
         }
     }
 }

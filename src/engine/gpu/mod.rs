@@ -11,8 +11,10 @@ mod plan;
 mod profile;
 mod ranges;
 mod readback;
+mod report;
 mod resident;
 pub mod stopwatch;
+mod survey;
 mod tables;
 
 use std::collections::VecDeque;

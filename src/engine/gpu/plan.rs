@@ -223,8 +223,7 @@ impl Planner<'_> {
         }
     }
 
-    /// Plans the cycles of all snowpacks: tiles without objects run all of theirs at once, tiles
-    /// under objects one after another, with contacts and stresses evaluated before each.
+    /// Plans the cycles of all snowpacks on tiles without objects, which run all of theirs at once.
     pub fn runs(
         &mut self,
         residents: &Residents,
@@ -253,7 +252,6 @@ impl Planner<'_> {
         } else {
             self.listed_runs(residents, work);
         }
-        self.loaded_runs(residents, work);
     }
 
     /// Tiles without objects, those that are due and awake listed by the device.
@@ -317,9 +315,10 @@ impl Planner<'_> {
         first
     }
 
-    fn loaded_runs(&mut self, residents: &Residents, work: &[Work]) {
+    /// Plans the cycles on tiles under objects: one after another, with contacts and stresses
+    /// evaluated before each. `work` has all of the frame's on snowpacks with objects.
+    pub fn loaded_runs<'w>(&mut self, residents: &Residents, work: impl Iterator<Item = &'w Work>) {
         let mut running: Vec<(u32, Slot, &Resident)> = work
-            .iter()
             .filter(|work| work.run.cycles > 0)
             .filter_map(|work| Some((work.run.cycles, work.slot, residents.get(work.slot)?)))
             .filter(|(_, _, resident)| !resident.bodies.is_empty())

@@ -1,120 +1,29 @@
 //! What a frame left on the device, copied out without ever blocking the frame itself.
 
-use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
-use bytemuck::Pod;
-use rayon::prelude::*;
-
-use crate::engine::frame::{EngineError, Outcome, SampleBox, Slot, TileCells, Work, WorkOutcome};
-use crate::engine::published::{Group, Published};
-use crate::snow::{Sample, TILE_COLUMNS};
+use crate::engine::frame::{EngineError, Outcome, TileCells};
+use crate::engine::published::Published;
+use crate::snow::TILE_COLUMNS;
 
 use super::arena::{Arena, Place};
 use super::buffer::Table;
 use super::device::Device;
-use super::layout::{self, join};
 use super::mapped::Mapped;
-use super::resident::Residents;
+use super::report::{Copies, Reader, Reports};
+use super::survey::Totals;
 use super::tables::{PACKED_BYTES, Tables};
 
 /// Packed tiles that are copied before it is known how many there are, at the least.
 const FEWEST_PACKED: u64 = 256;
-
-/// Outcomes that one thread takes at the least.
-const FEWEST_AT_A_TIME: usize = 256;
 
 /// Bytes of cells that are copied out at a time.
 const CELLS_AT_ONCE: u64 = 64 << 20;
 
 /// Time for which a quick device is asked again and again, before the host goes to sleep.
 const WATCHFUL: Duration = Duration::from_millis(1);
-
-/// What is copied out, in order.
-#[derive(Debug, Default)]
-pub struct Copies {
-    work: Vec<WorkCopies>,
-    edits: u64,
-    tallies: u64,
-    contacts: u64,
-    /// Most tiles that may be packed, and how many are copied at once.
-    packable: u64,
-    packed: u64,
-    /// Groups of tiles that publish.
-    groups: Range<u32>,
-    cells: Vec<(Place, u32)>,
-    samples: u64,
-}
-
-/// One snowpack's part of what is copied out.
-#[derive(Debug)]
-struct WorkCopies {
-    slot: Slot,
-    /// Its edits, by their numbers in the frame.
-    edits: Range<u32>,
-    /// Its tiles, where it publishes.
-    tiles: Range<u32>,
-    contacts: Vec<(Arc<str>, u32)>,
-    gathered: usize,
-    samples: Vec<Range<u64>>,
-}
-
-impl Copies {
-    /// What the work of a frame reports; `edits` counts each one's edits, `packable` tiles of some
-    /// groups may have changed.
-    pub fn new(
-        work: &[Work],
-        edits: &[u32],
-        residents: &Residents,
-        tables: &Tables,
-        packable: u64,
-        groups: Range<u32>,
-    ) -> Copies {
-        let mut copies = Copies {
-            work: Vec::with_capacity(work.len()),
-            edits: edits.iter().map(|&count| u64::from(count)).sum(),
-            tallies: tables.runs.len() as u64,
-            packable,
-            groups,
-            ..Copies::default()
-        };
-        let mut number = 0;
-        for (work, &edits) in work.iter().zip(edits) {
-            let mut contacts = Vec::new();
-            let mut tiles = 0..0;
-            let reports = work.publish || !work.gather.is_empty();
-            if let Some(resident) = residents.get(work.slot).filter(|_| reports) {
-                if work.publish {
-                    tiles = resident.lot.tiles.clone();
-                    contacts.extend(resident.bodies.iter().map(|(id, b)| (id.clone(), b.contact)));
-                }
-                if !contacts.is_empty() {
-                    copies.contacts = u64::from(tables.contact_end());
-                }
-                let places = work.gather.iter().map(|&tile| resident.lot.places[tile as usize]);
-                copies.cells.extend(places.map(|place| (place, resident.lot.height)));
-            }
-            let mut sample = |wanted: &SampleBox| {
-                let first = copies.samples;
-                copies.samples += wanted.cells();
-                first..copies.samples
-            };
-            let samples = work.samples.iter().map(&mut sample).collect();
-            number += edits;
-            copies.work.push(WorkCopies {
-                slot: work.slot,
-                edits: number - edits..number,
-                tiles,
-                contacts,
-                gathered: work.gather.len(),
-                samples,
-            });
-        }
-        copies
-    }
-}
 
 /// How a mapping stands.
 const WAITING: u8 = 0;
@@ -125,6 +34,7 @@ const FAILED: u8 = 2;
 #[derive(Debug)]
 struct Flight {
     copies: Copies,
+    reports: Reports,
     bytes: u64,
     submission: wgpu::SubmissionIndex,
     mapping: Arc<AtomicU8>,
@@ -175,10 +85,10 @@ impl Readback {
         device: &Device,
         encoder: &mut wgpu::CommandEncoder,
         tables: &Tables,
-        mut copies: Copies,
+        totals: Totals,
     ) {
         // Publications are much alike: what the last one needed is mostly enough.
-        copies.packed = copies.packable.min((2 * self.last_packed).max(FEWEST_PACKED));
+        let copies = Copies::new(totals, tables, (2 * self.last_packed).max(FEWEST_PACKED));
         let sources = copies.sources(tables);
         let bytes = sources.iter().map(|(_, bytes)| bytes).sum::<u64>();
         self.reserve(device, bytes);
@@ -194,10 +104,10 @@ impl Readback {
     }
 
     /// Maps the results of a frame that has been submitted.
-    pub fn begin(&mut self, submission: wgpu::SubmissionIndex) {
+    pub fn begin(&mut self, submission: wgpu::SubmissionIndex, reports: Reports) {
         let Some((copies, bytes)) = self.planned.take() else { return };
         let mapping = map(self.table.buffer(), bytes);
-        self.flight = Some(Flight { copies, bytes, submission, mapping });
+        self.flight = Some(Flight { copies, reports, bytes, submission, mapping });
     }
 
     /// The outcome of the frame on its way, if it arrives within `patience`.
@@ -219,9 +129,9 @@ impl Readback {
             _ => return Err(unreadable()),
         }
         let Some(flight) = self.flight.take() else { return Ok(None) };
-        let copies = &flight.copies;
+        let Flight { copies, reports, .. } = &flight;
         let mut mapped = self.mapped(flight.bytes)?;
-        let (mut outcome, groups, packed) = copies.outcome(mapped.bytes());
+        let (mut outcome, groups, packed) = copies.outcome(reports, mapped.bytes());
         if copies.packable > 0 {
             self.last_packed = packed;
         }
@@ -235,8 +145,8 @@ impl Readback {
         } else {
             drop(mapped);
         }
-        let mut cells = self.fetch_cells(device, arena, &copies.cells)?.into_iter();
-        for (work, wanted) in outcome.work.iter_mut().zip(&copies.work) {
+        let mut cells = self.fetch_cells(device, arena, &reports.cells)?.into_iter();
+        for (work, wanted) in outcome.work.iter_mut().zip(&reports.work) {
             work.gathered = cells.by_ref().take(wanted.gathered).collect();
         }
         Ok(Some(outcome))
@@ -367,86 +277,5 @@ fn wait(
     match device.device.poll(poll) {
         Ok(_) | Err(wgpu::PollError::Timeout) => Ok(()),
         Err(error) => Err(failed(error)),
-    }
-}
-
-/// Takes rows off the front of bytes.
-struct Reader<'a>(&'a [u8]);
-
-impl<'a> Reader<'a> {
-    /// A number of rows, where they lie.
-    fn slice<T: Pod>(&mut self, count: u64) -> &'a [T] {
-        let (rows, rest) = self.0.split_at(count as usize * std::mem::size_of::<T>());
-        self.0 = rest;
-        bytemuck::cast_slice(rows)
-    }
-
-    fn rows<T: Pod>(&mut self, count: u64) -> Vec<T> {
-        self.slice(count).to_vec()
-    }
-}
-
-impl Copies {
-    /// What is copied out and how many bytes of it, the packed heights first.
-    fn sources<'a>(&self, tables: &'a Tables) -> [(&'a wgpu::Buffer, u64); 7] {
-        fn bytes<T>(count: u64) -> u64 {
-            count * std::mem::size_of::<T>() as u64
-        }
-        let groups = self.groups.len() as u64;
-        [
-            (tables.packed.buffer(), self.packed * PACKED_BYTES),
-            (tables.packed_groups.buffer(), bytes::<layout::PackedGroup>(groups)),
-            (tables.packed_count.buffer(), bytes::<u32>(self.count_words())),
-            (tables.tallies.buffer(), bytes::<layout::Tally>(self.tallies)),
-            (tables.operation_results.buffer(), bytes::<layout::OperationResult>(self.edits)),
-            (tables.contacts.buffer(), bytes::<layout::Contact>(self.contacts)),
-            (tables.samples.buffer(), bytes::<Sample>(self.samples)),
-        ]
-    }
-
-    /// Words of the number of packed tiles: none where nothing publishes.
-    fn count_words(&self) -> u64 {
-        u64::from(!self.groups.is_empty())
-    }
-
-    /// The outcome without heights, the groups of packed tiles, and how many were packed in all.
-    fn outcome(&self, bytes: &[u8]) -> (Outcome, Vec<Group>, u64) {
-        let mut reader = Reader(&bytes[(self.packed * PACKED_BYTES) as usize..]);
-        let groups: &[layout::PackedGroup] = reader.slice(self.groups.len() as u64);
-        let count = reader.slice::<u32>(self.count_words()).first().copied().unwrap_or(0);
-        let tallies: &[layout::Tally] = reader.slice(self.tallies);
-        let results: &[layout::OperationResult] = reader.slice(self.edits);
-        let contacts: &[layout::Contact] = reader.slice(self.contacts);
-        let samples: &[Sample] = reader.slice(self.samples);
-        let of = |work: &WorkCopies| {
-            let tally = tallies[work.slot as usize];
-            let contact =
-                |(id, row): &(Arc<str>, u32)| (id.clone(), contacts[*row as usize].into());
-            let edits = &results[work.edits.start as usize..work.edits.end as usize];
-            let sample =
-                |range: &Range<u64>| samples[range.start as usize..range.end as usize].to_vec();
-            WorkOutcome {
-                slot: work.slot,
-                edits: edits.iter().map(|row| join(row.low, row.high)).collect(),
-                last_change: tally.last_change,
-                tiles: work.tiles.clone(),
-                active_tiles: tally.active_tiles,
-                mass: join(tally.mass_low, tally.mass_high),
-                contacts: work.contacts.iter().map(contact).collect(),
-                gathered: Vec::new(),
-                samples: work.samples.iter().map(sample).collect(),
-            }
-        };
-        let work = if self.work.len() < 2 * FEWEST_AT_A_TIME {
-            self.work.iter().map(of).collect()
-        } else {
-            self.work.par_iter().with_min_len(FEWEST_AT_A_TIME).map(of).collect()
-        };
-        let outcome = Outcome { work, ..Outcome::default() };
-        let group = |row: &layout::PackedGroup| Group {
-            changed: join(row.changed_low, row.changed_high),
-            first: row.first,
-        };
-        (outcome, groups.iter().map(group).collect(), count.into())
     }
 }

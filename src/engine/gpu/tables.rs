@@ -12,6 +12,7 @@ use super::kernels::{KERNELS, KernelId, Pipeline, Resource};
 use super::layout::{self, Pass};
 use super::ranges::Ranges;
 use super::resident::Body;
+use super::survey::Totals;
 
 /// Bytes from one row of the uniform table to the next; a dynamic offset has to be a multiple.
 pub const PASS_STRIDE: u32 = 256;
@@ -197,14 +198,8 @@ impl Tables {
     }
 
     /// Makes room for a frame's results and clears them.
-    pub fn begin_frame(
-        &mut self,
-        device: &Device,
-        edits: u64,
-        tiles: u64,
-        groups: u64,
-        samples: u64,
-    ) -> wgpu::CommandEncoder {
+    pub fn begin_frame(&mut self, device: &Device, totals: &Totals) -> wgpu::CommandEncoder {
+        let (edits, groups) = (u64::from(totals.edits), totals.groups.len() as u64);
         let d = &device.device;
         let tally = std::mem::size_of::<layout::Tally>() as u64;
         let group = std::mem::size_of::<layout::PackedGroup>() as u64;
@@ -212,8 +207,8 @@ impl Tables {
             self.tallies.reserve(d, self.runs.len() as u64 * tally),
             self.operation_results.reserve(d, edits * 8),
             self.packed_groups.reserve(d, groups * group),
-            self.packed.reserve(d, tiles * PACKED_BYTES),
-            self.samples.reserve(d, samples * std::mem::size_of::<Sample>() as u64),
+            self.packed.reserve(d, totals.tiles * PACKED_BYTES),
+            self.samples.reserve(d, totals.samples * std::mem::size_of::<Sample>() as u64),
         ];
         if grew.contains(&true) {
             self.bindings.clear();

@@ -11,6 +11,7 @@ use tokio::sync::mpsc;
 use tracing::error;
 
 use crate::engine::frame::{Backend, EngineError, Frame, Outcome};
+use crate::parallel;
 use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
 use crate::session::gather::MOST_SAMPLES;
@@ -31,9 +32,6 @@ use super::{INBOX, OpenBackend, WorldConfig};
 
 /// Longest wait for the device at a time.
 const PATIENCE: Duration = Duration::from_millis(100);
-
-/// Sessions in a frame from which on several threads work on them.
-const MANY: usize = 64;
 
 /// What lives on the world's thread.
 pub(super) struct Engine {
@@ -159,7 +157,7 @@ impl Engine {
         let (number, sleep) = (self.frame, self.config.sleep);
         let room = AtomicU64::new(MOST_SAMPLES);
         self.busy = false;
-        let plans = each(self.simulations.active_mut(), |simulation| {
+        let plans = parallel::each(self.simulations.active_mut(), |simulation| {
             let plan = caught(|| simulation.plan(number, publish, sleep, &room));
             (simulation, plan)
         });
@@ -261,7 +259,7 @@ struct Concluded {
 /// Lets simulations take in their outcomes, in the order of the frame's work.
 fn conclude(part: Vec<&mut Simulation>, outcome: Outcome, took: Duration) -> Vec<Concluded> {
     let published = &outcome.published;
-    each(part.into_iter().zip(outcome.work).collect(), |(simulation, work)| {
+    parallel::each_pair(part, outcome.work, |simulation, work| {
         let left = caught(|| {
             if let Some(job) = &mut simulation.step {
                 job.fit(took);
@@ -276,14 +274,6 @@ fn conclude(part: Vec<&mut Simulation>, outcome: Outcome, took: Duration) -> Vec
             review: simulation.has_orders() || !simulation.wants_frames(),
         }
     })
-}
-
-/// Does something with each, many at a time where there are many.
-fn each<I: Send, T: Send>(items: Vec<I>, act: impl Fn(I) -> T + Send + Sync) -> Vec<T> {
-    if items.len() < MANY {
-        return items.into_iter().map(act).collect();
-    }
-    items.into_par_iter().with_min_len(MANY / 4).map(act).collect()
 }
 
 /// The value, or nothing where there was a panic.

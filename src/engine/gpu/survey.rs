@@ -1,0 +1,105 @@
+//! A first look through a frame: what its work amounts to.
+
+use std::ops::Range;
+
+use crate::engine::frame::{Edit, Frame, SampleBox, Slot, Work};
+use crate::parallel;
+
+use super::plan::Round;
+use super::resident::{self, Residents};
+
+/// What the work of a frame amounts to.
+///
+/// Each snowpack is looked at once: of thousands, none is in the processor's cache.
+#[derive(Debug, Default)]
+pub struct Survey {
+    /// The edits, round by round, each with its number in the frame.
+    pub rounds: Vec<Vec<(Slot, Round)>>,
+    /// What each work is about.
+    pub parts: Vec<Part>,
+    /// How much there is in all.
+    pub totals: Totals,
+    /// Tiles of the snowpacks that run.
+    pub running: usize,
+}
+
+/// What one work is about.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Its edits, by their numbers in the frame.
+    pub edits: Range<u32>,
+    /// Tiles of its snowpack.
+    pub tiles: Range<u32>,
+    /// Whether there may be objects on the snowpack.
+    pub may_be_loaded: bool,
+}
+
+/// How much the work of a frame is.
+#[derive(Clone, Debug, Default)]
+pub struct Totals {
+    /// Edits.
+    pub edits: u32,
+    /// Most tiles that can be published, and the groups of 64 that they are among.
+    pub tiles: u64,
+    /// Groups of 64 tiles.
+    pub groups: Range<u32>,
+    /// Cells of the fixed grid.
+    pub samples: u64,
+    /// Whether objects may have to be reported.
+    pub contacts: bool,
+}
+
+impl Survey {
+    /// Looks through the work of a frame, and takes the edits out of it. Work for snowpacks that
+    /// are not there is left out.
+    pub fn new(frame: &mut Frame, residents: &Residents) -> Survey {
+        let look = |work: &Work| {
+            let resident = residents.get(work.slot)?;
+            Some((resident.lot.tiles.clone(), !resident.bodies.is_empty()))
+        };
+        let mut found = parallel::each(frame.work.iter().collect(), look).into_iter();
+        let mut survey =
+            Survey { parts: Vec::with_capacity(frame.work.len()), ..Survey::default() };
+        frame.work.retain_mut(|work| {
+            let Some((tiles, loaded)) = found.next().flatten() else { return false };
+            survey.take(work, tiles, loaded);
+            true
+        });
+        survey
+    }
+
+    fn take(&mut self, work: &mut Work, tiles: Range<u32>, loaded: bool) {
+        let totals = &mut self.totals;
+        let first = totals.edits;
+        totals.edits += work.edits.len() as u32;
+        let may_be_loaded = loaded || !work.edits.is_empty();
+        if work.publish {
+            let own = tiles.start / 64..tiles.end.div_ceil(64);
+            totals.groups = match &totals.groups {
+                groups if groups.is_empty() => own,
+                groups => groups.start.min(own.start)..groups.end.max(own.end),
+            };
+            totals.tiles += tiles.len() as u64;
+            totals.contacts |= may_be_loaded;
+        }
+        totals.samples += work.samples.iter().map(SampleBox::cells).sum::<u64>();
+        if work.run.cycles > 0 {
+            self.running += tiles.len();
+        }
+        self.parts.push(Part { edits: first..totals.edits, tiles, may_be_loaded });
+        if !work.edits.is_empty() {
+            self.take_edits(work, first);
+        }
+    }
+
+    /// Takes the edits of one snowpack, the first of which has a number.
+    fn take_edits(&mut self, work: &mut Work, number: u32) {
+        let edits: Vec<(u32, Edit)> = (number..).zip(std::mem::take(&mut work.edits)).collect();
+        for (i, round) in resident::rounds(edits).into_iter().enumerate() {
+            if self.rounds.len() <= i {
+                self.rounds.push(Vec::new());
+            }
+            self.rounds[i].push((work.slot, round));
+        }
+    }
+}
