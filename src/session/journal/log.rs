@@ -179,6 +179,13 @@ pub(crate) struct Left {
     pub checkpoint: Option<(u64, u64, Box<Taken>)>,
 }
 
+impl Left {
+    /// Whether there is nothing for the journal.
+    pub fn is_nothing(&self) -> bool {
+        self.submission.is_none() && self.checkpoint.is_none()
+    }
+}
+
 impl Simulation {
     /// What the last frame has left for the journal.
     pub(in crate::session) fn leave(&mut self) -> Left {

@@ -6,11 +6,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
 use tokio::sync::mpsc;
 use tracing::error;
 
-use crate::engine::frame::{Backend, EngineError, Frame, Outcome};
+use crate::engine::frame::{Backend, EngineError, Frame, Outcome, Work};
 use crate::parallel;
 use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
@@ -155,29 +154,16 @@ impl Engine {
     /// took.
     pub(super) fn carry_out_frame(&mut self, publish: bool) -> Result<FrameTime, EngineError> {
         let (number, sleep) = (self.frame, self.config.sleep);
-        let room = AtomicU64::new(MOST_SAMPLES);
         self.busy = false;
-        let plans = parallel::each(self.simulations.active_mut(), |simulation| {
-            let plan = caught(|| simulation.plan(number, publish, sleep, &room));
-            (simulation, plan)
-        });
-        let mut frame = Frame { work: Vec::with_capacity(plans.len()) };
-        let (mut part, mut idle, mut failed) = (Vec::with_capacity(plans.len()), vec![], vec![]);
-        for (simulation, plan) in plans {
-            match plan {
-                Some(Some(work)) => {
-                    frame.work.push(work);
-                    part.push(simulation);
-                }
-                Some(None) => idle.push(simulation.session.key),
-                None => failed.push(simulation.session.key),
-            }
-        }
+        let room = AtomicU64::new(MOST_SAMPLES);
+        let Planned { work, part, mut idle, mut failed } =
+            plan(&mut self.simulations, |simulation| {
+                simulation.plan(number, publish, sleep, &room)
+            });
         let mut time = FrameTime { sessions: part.len() as u32, ..FrameTime::default() };
-        let mut concluded = Vec::new();
         if !part.is_empty() {
             let submitted = Instant::now();
-            self.backend.submit(frame)?;
+            self.backend.submit(Frame { work })?;
             let outcome = loop {
                 if let Some(outcome) = self.backend.poll(PATIENCE)? {
                     break outcome;
@@ -185,18 +171,17 @@ impl Engine {
             };
             time.backend = submitted.elapsed();
             time.published_tiles = outcome.published.count();
-            concluded = conclude(part, outcome, time.backend);
+            for done in conclude(part, outcome, time.backend) {
+                match done.left {
+                    Some(left) => self.hand_over(done.key, left),
+                    None => failed.push(done.key),
+                }
+                if done.review {
+                    idle.push(done.key);
+                }
+            }
             self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
             self.vitals.note_stages(&self.backend.stage_times()?);
-        }
-        for done in concluded {
-            match done.left {
-                Some(left) => self.hand_over(done.key, left),
-                None => failed.push(done.key),
-            }
-            if done.review {
-                idle.push(done.key);
-            }
         }
         self.journal.send();
         failed.into_iter().for_each(|key| self.fell(key));
@@ -247,6 +232,42 @@ impl Engine {
     }
 }
 
+/// What simulations do in a frame.
+struct Planned<'s> {
+    work: Vec<Work>,
+    /// Those that it is for, in the same order.
+    part: Vec<&'s mut Simulation>,
+    /// Keys of those with nothing to do.
+    idle: Vec<u64>,
+    /// Keys of those that panicked.
+    failed: Vec<u64>,
+}
+
+/// Asks the active simulations what they do in a frame.
+fn plan(
+    simulations: &mut Simulations,
+    ask: impl Fn(&mut Simulation) -> Option<Work> + Sync + Send,
+) -> Planned<'_> {
+    let mut part = simulations.active_mut();
+    let plans = parallel::each(part.iter_mut().collect(), |simulation| caught(|| ask(simulation)));
+    let (mut idle, mut failed) = (Vec::new(), Vec::new());
+    let mut members = std::mem::take(&mut part).into_iter();
+    part.reserve(plans.len());
+    let work = plans.into_iter().filter_map(|plan| {
+        let simulation = members.next()?;
+        match plan {
+            Some(Some(work)) => {
+                part.push(simulation);
+                return Some(work);
+            }
+            Some(None) => idle.push(simulation.session.key),
+            None => failed.push(simulation.session.key),
+        }
+        None
+    });
+    Planned { work: work.collect(), part, idle, failed }
+}
+
 /// What has to be done after a simulation has taken in its outcome.
 struct Concluded {
     key: u64,
@@ -256,10 +277,15 @@ struct Concluded {
     review: bool,
 }
 
-/// Lets simulations take in their outcomes, in the order of the frame's work.
-fn conclude(part: Vec<&mut Simulation>, outcome: Outcome, took: Duration) -> Vec<Concluded> {
+/// Lets simulations take in their outcomes, in the order of the frame's work. For most of them there
+/// is nothing to be done after that.
+fn conclude(
+    part: Vec<&mut Simulation>,
+    outcome: Outcome,
+    took: Duration,
+) -> impl Iterator<Item = Concluded> + use<> {
     let published = &outcome.published;
-    parallel::each_pair(part, outcome.work, |simulation, work| {
+    let concluded = parallel::each_pair(part, outcome.work, |simulation, work| {
         let left = caught(|| {
             if let Some(job) = &mut simulation.step {
                 job.fit(took);
@@ -268,12 +294,11 @@ fn conclude(part: Vec<&mut Simulation>, outcome: Outcome, took: Duration) -> Vec
             simulation.conclude(work, tiles);
             simulation.leave()
         });
-        Concluded {
-            key: simulation.session.key,
-            left,
-            review: simulation.has_orders() || !simulation.wants_frames(),
-        }
-    })
+        let review = simulation.has_orders() || !simulation.wants_frames();
+        let nothing = !review && left.as_ref().is_some_and(Left::is_nothing);
+        (!nothing).then(|| Box::new(Concluded { key: simulation.session.key, left, review }))
+    });
+    concluded.into_iter().flatten().map(|concluded| *concluded)
 }
 
 /// The value, or nothing where there was a panic.
