@@ -1,5 +1,5 @@
 // Compacts the cells of listed tiles: a workgroup for each tile, a thread for four neighbouring
-// cells at a time, its slots 8 apart. Stress is constant meanwhile, so all cycles of a run go in
+// cells at a time, in every so manieth slot. Stress is constant meanwhile, so all cycles of a run go in
 // registers. A tile in which the last cycle changed no quantum goes to rest. The twin of Compaction
 // in src/snow/column.rs.
 
@@ -21,8 +21,7 @@
 
 // Groups of four columns in a tile.
 const GROUPS: u32 = TILE_COLUMNS / 4u;
-// Slots that a workgroup works on at a time.
-const SLOTS: u32 = 8u;
+const THREADS: u32 = 128u;
 
 // Four neighbouring cells.
 struct Cells {
@@ -93,7 +92,23 @@ fn compact_cells(session: Session, rate: f32, cycles: u32, cells: Cells) -> Comp
     return Compacted(cells.thickness - vec4<u32>(before - d), cycle);
 }
 
-@compute @workgroup_size(128)
+// A group of columns that a thread works on, its first slot, and how far it is to the next. At the
+// far edges of a snowpack tiles have fewer groups, and more threads for each of them.
+struct Share {
+    columns: u32,
+    slot: u32,
+    stride: u32,
+}
+
+fn share_of(thread: u32, shape: u32) -> Share {
+    let across = ((shape & 0xffu) + 3u) / 4u;
+    let groups = across * ((shape >> 8u) & 0xffu);
+    let group = thread % groups;
+    let columns = group / across * (TILE_SIDE / 4u) + group % across;
+    return Share(columns, thread / groups, THREADS / groups);
+}
+
+@compute @workgroup_size(THREADS)
 fn compact(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
@@ -111,12 +126,14 @@ fn compact(
     let tile = due[work.first + entry];
     let row = tiles[tile];
     let state = atomicLoad(&states[tile]);
-    let columns = thread % GROUPS;
+    let share = share_of(thread, row.shape);
+    let columns = share.columns;
     let most = filled[tile * GROUPS + columns];
-    let end = max(max(most.x, most.y), max(most.z, most.w));
+    // Threads that are left over have nothing to do.
+    let end = select(0u, max(max(most.x, most.y), max(most.z, most.w)), share.slot < share.stride);
 
     // The first cells are on their way while it is found out what is to be done with them.
-    var slot = thread / GROUPS;
+    var slot = share.slot;
     var place = (row.row + slot) * GROUPS + columns;
     var cells: Cells;
     if slot < end {
@@ -135,8 +152,8 @@ fn compact(
     while slot < end {
         let here = place;
         let current = cells;
-        slot += SLOTS;
-        place += SLOTS * GROUPS;
+        slot += share.stride;
+        place += share.stride * GROUPS;
         if slot < end {
             cells = load(place);
         }

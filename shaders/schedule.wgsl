@@ -31,7 +31,7 @@ fn is_due(tile: u32) -> bool {
         atomicOr(&states[tile], AWAKE);
     }
     let awake = (atomicLoad(&states[tile]) & AWAKE) != 0u || run.always_awake != 0u;
-    return run.cycles > 0u && awake && row.loaded == 0u;
+    return run.cycles > 0u && awake && (row.shape & LOADED) == 0u;
 }
 
 fn reserve(page: u32, count: u32) -> u32 {

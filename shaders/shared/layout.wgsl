@@ -19,6 +19,9 @@ const NONE: u32 = 0xffffffffu;
 const AWAKE: u32 = 1u;   // a cell changed in the last cycle, or was disturbed since
 const DIRTY: u32 = 2u;   // a height changed since the last publication
 
+// Bit of Tile.shape: an object's footprint covers a column of it.
+const LOADED: u32 = 1u << 31u;
+
 // Bits of Run.flags.
 const WAKE: u32 = 1u;
 const PUBLISH: u32 = 2u;
@@ -59,8 +62,8 @@ struct Tile {
     session: u32,
     page: u32,
     row: u32,
-    // Not 0 where an object's footprint covers a column of it.
-    loaded: u32,
+    // Columns along x that the snowpack has of it, those along z in the next byte, and LOADED.
+    shape: u32,
 }
 
 // Sums of one frame over a snowpack.

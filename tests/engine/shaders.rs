@@ -103,7 +103,7 @@ fn host_and_shaders_agree_on_every_struct() {
         }
     );
     compare_layout!(module, Run { cycles, flags, rate, always_awake });
-    compare_layout!(module, Tile { session, page, row, loaded });
+    compare_layout!(module, Tile { session, page, row, shape });
     compare_layout!(module, Tally { last_change, active_tiles, mass_low, mass_high });
     compare_layout!(
         module,

@@ -9,7 +9,7 @@ use crate::snow::TILE_COLUMNS;
 use super::buffer::Table;
 use super::device::Device;
 use super::kernels::Resource;
-use super::layout::{self, AWAKE, DIRTY, NO_SESSION};
+use super::layout::{AWAKE, DIRTY, Tile};
 use super::ranges::Ranges;
 use super::tables::PACKED_BYTES;
 
@@ -272,16 +272,8 @@ impl Arena {
         }
         device.queue.submit([encoder.finish()]);
 
-        let rows: Vec<layout::Tile> = lot
-            .places
-            .iter()
-            .map(|place| layout::Tile {
-                session: slot,
-                page: place.page,
-                row: place.row,
-                loaded: 0,
-            })
-            .collect();
+        let row = |(tile, place): (u32, &Place)| Tile::new(slot, *place, &layout.grid, tile, false);
+        let rows: Vec<Tile> = (0..).zip(&lot.places).map(row).collect();
         self.write(device, Resource::Tiles, lot.tiles.start, &rows);
         self.write(device, Resource::States, lot.tiles.start, &vec![DIRTY; rows.len()]);
         if !layout.ground.is_empty() {
@@ -326,8 +318,8 @@ impl Arena {
 
     /// Marks tiles as nobody's.
     fn disown(&self, device: &Device, tiles: Range<u32>) {
-        let row = layout::Tile { session: NO_SESSION, page: 0, row: 0, loaded: 0 };
-        self.write(device, Resource::Tiles, tiles.start, &vec![row; tiles.len()]);
+        let nobodys = vec![Tile::NOBODYS; tiles.len()];
+        self.write(device, Resource::Tiles, tiles.start, &nobodys);
     }
 
     /// Fills all memory that no snowpack owns with rubbish.

@@ -2,8 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::engine::frame::Layout;
+use crate::engine::frame::{Layout, Slot};
 use crate::snow::{CELL, Grid, Material, gold_prefactor};
+
+use super::arena::Place;
 
 /// `Run.flags`: all tiles are to be woken.
 pub const WAKE: u32 = 1;
@@ -15,6 +17,8 @@ pub const EDITED: u32 = 4;
 pub const AWAKE: u32 = 1;
 /// A tile's state: a height changed since the last publication.
 pub const DIRTY: u32 = 2;
+/// `Tile.shape`: an object's footprint covers a column of it.
+pub const LOADED: u32 = 1 << 31;
 /// `Operation.kind`: snow falls.
 pub const DEPOSIT: u32 = 0;
 /// `Operation.kind`: snow is cleared.
@@ -108,8 +112,20 @@ pub struct Tile {
     pub page: u32,
     /// First of its rows of 64 cells in the page.
     pub row: u32,
-    /// Not 0 where an object's footprint covers a column of it.
-    pub loaded: u32,
+    /// Columns along x that the snowpack has of it, those along z in the next byte, and [`LOADED`].
+    pub shape: u32,
+}
+
+impl Tile {
+    /// A tile of a snowpack, with an object's footprint on it or with none.
+    pub fn new(session: Slot, place: Place, grid: &Grid, tile: u32, loaded: bool) -> Tile {
+        let rect = grid.tile_rect(tile);
+        let shape = rect.x1 - rect.x0 | (rect.z1 - rect.z0) << 8 | if loaded { LOADED } else { 0 };
+        Tile { session, page: place.page, row: place.row, shape }
+    }
+
+    /// A tile of nobody.
+    pub const NOBODYS: Tile = Tile { session: NO_SESSION, page: 0, row: 0, shape: 0 };
 }
 
 /// Sums of one frame over a snowpack.

@@ -11,7 +11,7 @@ use super::arena::Arena;
 use super::device::Device;
 use super::kernels::KernelId;
 use super::layout::{
-    CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run, SampleJob, WAKE,
+    CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run, SampleJob, Tile, WAKE,
 };
 use super::resident::{Body, Resident, Residents};
 use super::tables::Tables;
@@ -186,12 +186,8 @@ impl Planner<'_> {
     fn mark_loaded(&mut self, slot: Slot, resident: &mut Resident) {
         for tile in resident.list_loads() {
             let place = resident.lot.places[tile as usize];
-            let row = super::layout::Tile {
-                session: slot,
-                page: place.page,
-                row: place.row,
-                loaded: u32::from(resident.loads.contains_key(&tile)),
-            };
+            let loaded = resident.loads.contains_key(&tile);
+            let row = Tile::new(slot, place, &resident.layout.grid, tile, loaded);
             self.tables.tile_rows.push((resident.lot.tiles.start + tile, row));
         }
     }
