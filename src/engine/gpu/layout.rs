@@ -120,7 +120,8 @@ impl Tile {
     /// A tile of a snowpack, with an object's footprint on it or with none.
     pub fn new(session: Slot, place: Place, grid: &Grid, tile: u32, loaded: bool) -> Tile {
         let rect = grid.tile_rect(tile);
-        let shape = rect.x1 - rect.x0 | (rect.z1 - rect.z0) << 8 | if loaded { LOADED } else { 0 };
+        let loaded = if loaded { LOADED } else { 0 };
+        let shape = (rect.x1 - rect.x0) | ((rect.z1 - rect.z0) << 8) | loaded;
         Tile { session, page: place.page, row: place.row, shape }
     }
 
