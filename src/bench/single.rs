@@ -7,9 +7,9 @@ use super::case::Case;
 use super::host::{Host, spec};
 use super::report::{Clock, Measured, Report};
 use super::spread::Spread;
-use super::{BenchError, Plan};
+use super::{BenchError, Plan, frames};
 use crate::session::{
-    Change, ColliderBatch, ColliderSpec, FRAME_RATE, SessionSpec, SettingsPatch, StepSpec,
+    Change, ColliderBatch, ColliderSpec, FRAME_RATE, FrameTime, SessionSpec, SettingsPatch, StepSpec,
 };
 use crate::snow::{Position, Shape};
 
@@ -62,14 +62,9 @@ pub(super) fn measure(
     Ok(())
 }
 
-fn measured(case: Case, side: u32, times: Vec<Duration>) -> Result<Measured, BenchError> {
-    let nothing = || BenchError::Stuck { case: case.name(), what: "nothing was timed".into() };
-    let time = Spread::of(times).ok_or_else(nothing)?;
-    Ok(Measured::new(case, 1, [side, side, HEIGHT], Clock::Wall, time))
-}
-
 /// A session is created, its heights are read, and it is deleted again.
 fn create(host: &Host, samples: u32) -> Result<Measured, BenchError> {
+    let case = Case::Create;
     let mut times = Vec::new();
     for sample in 0..=samples {
         let begun = Instant::now();
@@ -78,7 +73,7 @@ fn create(host: &Host, samples: u32) -> Result<Measured, BenchError> {
         let time = begun.elapsed();
         if summary.min_height != 5.8 && (summary.min_height - 5.8).abs() > 1e-6 {
             let what = format!("the first heights are {} m", summary.min_height);
-            return Err(BenchError::Stuck { case: Case::Create.name(), what });
+            return Err(BenchError::Stuck { case: case.name(), what });
         }
         host.runtime.block_on(host.sessions.delete(&session.id))?;
         // The first one compiles and allocates.
@@ -86,7 +81,9 @@ fn create(host: &Host, samples: u32) -> Result<Measured, BenchError> {
             times.push(time);
         }
     }
-    measured(Case::Create, 50, times)
+    let nothing = || BenchError::Stuck { case: case.name(), what: "nothing was timed".into() };
+    let time = Spread::of(times).ok_or_else(nothing)?;
+    Ok(Measured::new(case, 1, [50, 50, HEIGHT], Clock::Wall, time))
 }
 
 /// A session ticks and publishes with every frame.
@@ -94,10 +91,10 @@ fn live_session(host: &Host, case: Case, samples: u32) -> Result<Measured, Bench
     let session = host.create(spec(50, 5.8))?;
     let tiles = session.spec.grid.tiles();
     let count = WARM_UP + samples as usize;
-    let frames = host.watch(case.name(), count, |frame| frame.published_tiles == tiles)?;
-    let times = frames[WARM_UP..].iter().map(|frame| frame.took).collect();
+    let watched = host.watch(case.name(), count, |frame| frame.published_tiles == tiles)?;
+    let timed = &watched[WARM_UP..];
     host.runtime.block_on(host.sessions.delete(&session.id))?;
-    measured(case, 50, times)
+    frames::measured(case, 1, [50, 50, HEIGHT], timed)
 }
 
 /// The same, with frames for another session in between.
@@ -150,10 +147,10 @@ fn vehicle(
         host.runtime.block_on(session.change(Change::Colliders(batch)))?;
         host.sleep(Duration::from_secs_f64(1.0 / FRAME_RATE));
     }
-    let frames = host.sessions.vitals().frame_times();
-    let driven = frames.iter().filter(|frame| frame.number > first && frame.sessions == 1);
-    let times: Vec<Duration> = driven.map(|frame| frame.took).skip(WARM_UP).collect();
-    measured(case, side, times)
+    let all = host.sessions.vitals().frame_times();
+    let driven = all.into_iter().filter(|frame| frame.number > first && frame.sessions == 1);
+    let timed: Vec<FrameTime> = driven.skip(WARM_UP).collect();
+    frames::measured(case, 1, [side, side, HEIGHT], &timed)
 }
 
 fn wheels(x: f64, z: f64) -> Vec<ColliderSpec> {

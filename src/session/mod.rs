@@ -50,5 +50,5 @@ pub use view::{
     CreatedSession, LayerView, MassView, SessionView, Settings, SnowfallReply, Stamp, State,
     Summary, WeakLayerView,
 };
-pub use vitals::{FrameTime, StageTimes, Vitals};
+pub use vitals::{FrameParts, FrameTime, StageTimes, Vitals};
 pub use world::{Durability, Fault, OpenBackend, StartError, World, WorldConfig};
