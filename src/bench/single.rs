@@ -9,7 +9,8 @@ use super::report::{Clock, Measured, Report};
 use super::spread::Spread;
 use super::{BenchError, Plan, frames};
 use crate::session::{
-    Change, ColliderBatch, ColliderSpec, FRAME_RATE, FrameTime, SessionSpec, SettingsPatch, StepSpec,
+    Change, ColliderBatch, ColliderSpec, FRAME_RATE, FrameTime, SessionSpec, SettingsPatch,
+    StepSpec,
 };
 use crate::snow::{Position, Shape};
 

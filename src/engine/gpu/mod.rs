@@ -3,6 +3,7 @@
 mod arena;
 mod buffer;
 pub mod device;
+mod due;
 mod encode;
 pub mod kernels;
 pub mod layout;
@@ -13,6 +14,8 @@ mod ranges;
 mod readback;
 mod report;
 mod resident;
+mod results;
+mod runs;
 pub mod stopwatch;
 mod survey;
 mod tables;

@@ -1,5 +1,6 @@
 //! What a frame left on the device, copied out without ever blocking the frame itself.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
@@ -90,14 +91,14 @@ impl Readback {
         // Publications are much alike: what the last one needed is mostly enough.
         let copies = Copies::new(totals, tables, (2 * self.last_packed).max(FEWEST_PACKED));
         let sources = copies.sources(tables);
-        let bytes = sources.iter().map(|(_, bytes)| bytes).sum::<u64>();
+        let bytes = sources.iter().map(|(_, bytes)| bytes.end - bytes.start).sum::<u64>();
         self.reserve(device, bytes);
         let target = self.table.buffer();
         let mut offset = 0;
-        for (source, bytes) in sources {
-            if bytes > 0 {
-                encoder.copy_buffer_to_buffer(source, 0, target, offset, bytes);
-                offset += bytes;
+        for (source, Range { start, end }) in sources {
+            if start < end {
+                encoder.copy_buffer_to_buffer(source, start, target, offset, end - start);
+                offset += end - start;
             }
         }
         self.planned = Some((copies, bytes));
