@@ -243,7 +243,7 @@ impl Planner<'_> {
         if wakes || running_tiles > FEW_TILES {
             self.scheduled_runs(work);
         } else {
-            self.listed_runs(residents, work);
+            self.listed_runs(residents, work, running_tiles);
         }
     }
 
@@ -275,13 +275,14 @@ impl Planner<'_> {
 
     /// Tiles without objects, all that are due listed by the host: where they are few, that is
     /// faster than to ask the device which of them are awake.
-    fn listed_runs(&mut self, residents: &Residents, work: &[Work]) {
+    fn listed_runs(&mut self, residents: &Residents, work: &[Work], count: usize) {
         let mut lists: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for work in work.iter().filter(|work| work.run.cycles > 0) {
             let Some(resident) = residents.get(work.slot) else { continue };
             for (tile, place) in (0..).zip(&resident.lot.places) {
                 if !resident.loads.contains_key(&tile) {
-                    lists.entry(place.page).or_default().push(resident.lot.tiles.start + tile);
+                    let list = lists.entry(place.page).or_insert_with(|| Vec::with_capacity(count));
+                    list.push(resident.lot.tiles.start + tile);
                 }
             }
         }

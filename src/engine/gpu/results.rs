@@ -99,12 +99,11 @@ impl Results {
 }
 
 impl Extent {
-    /// The bytes from the first section that the frame has to the last. Every frame has tallies.
+    /// The bytes from the first section that the frame has to the last.
     pub fn used(&self) -> Range<u64> {
         let mut used = self.sections.iter().filter(|section| !section.is_empty());
-        let first = used.next().map_or(0, |section| section.start);
-        let end = used.next_back().map_or(first, |section| section.end);
-        first..end
+        let Some(first) = used.next() else { return 0..0 };
+        first.start..used.next_back().unwrap_or(first).end
     }
 
     /// A section, counted from the first byte that the frame uses.

@@ -12,8 +12,9 @@ use super::layout::Run;
 #[derive(Debug)]
 pub struct Runs {
     rows: Vec<Run>,
-    /// Slots of the snowpacks in the frame.
+    /// Slots of the snowpacks in the frame, and in the frame before.
     busy: Vec<Slot>,
+    before: Vec<Slot>,
     /// Rows as the device has them.
     told: Vec<Run>,
     /// Slots among which are all whose rows are not as the device has them.
@@ -26,7 +27,8 @@ const ROW_BYTES: u64 = std::mem::size_of::<Run>() as u64;
 impl Runs {
     /// No rows.
     pub fn new(table: Table) -> Runs {
-        Runs { rows: Vec::new(), busy: Vec::new(), told: Vec::new(), changed: 0..0, table }
+        let (busy, before) = (Vec::new(), Vec::new());
+        Runs { rows: Vec::new(), busy, before, told: Vec::new(), changed: 0..0, table }
     }
 
     /// The buffer as it is now.
@@ -44,8 +46,9 @@ impl Runs {
 
     /// Says what the snowpacks of a frame do; all others do nothing.
     pub fn set(&mut self, runs: impl Iterator<Item = (Slot, Run)>) {
-        let before = std::mem::take(&mut self.busy);
-        for &slot in &before {
+        std::mem::swap(&mut self.busy, &mut self.before);
+        self.busy.clear();
+        for &slot in &self.before {
             self.rows[slot as usize] = Run::default();
         }
         for (slot, run) in runs {
@@ -53,7 +56,7 @@ impl Runs {
             self.busy.push(slot);
         }
         let (mut first, mut end) = (usize::MAX, 0);
-        for slot in before.iter().chain(&self.busy).map(|&slot| slot as usize) {
+        for slot in self.before.iter().chain(&self.busy).map(|&slot| slot as usize) {
             if self.told.get(slot) != Some(&self.rows[slot]) {
                 (first, end) = (first.min(slot), end.max(slot + 1));
             }
