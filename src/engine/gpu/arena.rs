@@ -168,8 +168,8 @@ impl Arena {
             return Ok(tiles);
         }
         let old = self.tiles.capacity();
-        // All tiles may be published in one frame.
-        let most = device.largest_binding() / PACKED_BYTES;
+        // All tiles may be published in one frame, in a buffer with everything else that it leaves.
+        let most = device.largest_binding() / PACKED_BYTES / 2;
         let wanted = u64::from(old).saturating_mul(2).max(u64::from(old) + u64::from(count));
         let capacity = wanted.min(most);
         if capacity < u64::from(old) + u64::from(count) {

@@ -22,7 +22,8 @@ impl GpuBackend {
         let last = rounds.pop().unwrap_or_default();
 
         self.tables.fit_to(&self.device, &self.arena);
-        let mut encoder = self.tables.begin_frame(&self.device, &totals);
+        self.tables.reserve_results(&self.device, &totals);
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
         if let Some(profile) = &mut self.profile {
             profile.begin(&mut encoder);
         }

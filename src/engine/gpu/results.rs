@@ -1,5 +1,5 @@
-//! What a frame leaves for the host beside heights: sections of one buffer, so that one command clears
-//! them and one copies them out.
+//! What a frame leaves for the host: sections of one buffer, so that mostly one command copies all of
+//! it out and one clears what the next frame adds to.
 
 use std::ops::Range;
 
@@ -7,9 +7,13 @@ use super::buffer::Table;
 use super::device::Device;
 use super::layout;
 use super::survey::Totals;
+use super::tables::PACKED_BYTES;
 
 /// A multiple of this many bytes is where a section may begin: no device asks for more.
 const ALIGNMENT: u64 = 256;
+
+/// Bytes that are rather copied than left out by another command.
+const GAP: u64 = 1 << 12;
 
 /// A section of the buffer. Those that kernels add to come first, and in front of them the one that
 /// few frames have.
@@ -23,11 +27,16 @@ pub enum Section {
     Tallies,
     /// Which tiles are packed.
     PackedGroups,
+    /// Heights of the packed tiles.
+    Packed,
 }
 
-const SECTIONS: usize = 4;
+const SECTIONS: usize = 5;
 
-/// The buffer.
+/// Sections that are added to.
+const SUMS: usize = 3;
+
+/// The buffer. All sums in it are 0 between frames.
 #[derive(Debug)]
 pub struct Results {
     table: Table,
@@ -56,13 +65,14 @@ impl Results {
     pub fn binding(&self, section: Section) -> wgpu::BindingResource<'_> {
         wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: self.table.buffer(),
-            offset: self.start(section as usize),
+            offset: self.start(section),
             size: wgpu::BufferSize::new(self.room[section as usize]),
         })
     }
 
-    fn start(&self, section: usize) -> u64 {
-        self.room[..section].iter().sum()
+    /// First byte of a section.
+    pub fn start(&self, section: Section) -> u64 {
+        self.room[..section as usize].iter().sum()
     }
 
     /// Makes room for a frame. Returns whether bindings have to be made anew.
@@ -72,49 +82,68 @@ impl Results {
         if self.room.iter().zip(&sizes).all(fits) {
             return false;
         }
+        let most = device.largest_binding() / ALIGNMENT * ALIGNMENT;
         for (room, size) in self.room.iter_mut().zip(sizes) {
-            *room = (*room).max(size.next_power_of_two()).max(ALIGNMENT);
+            *room = (*room).max(size.next_power_of_two().min(most)).max(ALIGNMENT);
         }
-        self.table.reserve(&device.device, self.start(SECTIONS));
+        if !self.table.reserve(&device.device, self.room.iter().sum()) {
+            // What lies where another section was is no sum: a new buffer is all 0.
+            self.table.replace(&device.device);
+        }
         true
     }
 
-    /// Where a frame's results are.
-    pub fn extent(&self, totals: &Totals) -> Extent {
-        let sizes = sizes(totals);
+    /// Where a frame's results are, those of `packed` tiles at the most.
+    pub fn extent(&self, totals: &Totals, packed: u64) -> Extent {
+        let sizes = sizes(&Totals { tiles: packed, ..totals.clone() });
+        let mut next = 0;
         let sections = std::array::from_fn(|section| {
-            let start = self.start(section);
+            let start = next;
+            next += self.room[section];
             start..start + sizes[section]
         });
         Extent { sections }
     }
 
-    /// Clears what kernels add to.
-    pub fn clear(&self, encoder: &mut wgpu::CommandEncoder, totals: &Totals) {
-        let used = self.extent(totals).used();
-        let end = self.start(Section::PackedGroups as usize);
-        let bytes = used.end.min(end) - used.start;
-        encoder.clear_buffer(self.table.buffer(), used.start, Some(bytes));
+    /// Clears the sums of a frame, when they have been copied out.
+    pub fn clear(&self, encoder: &mut wgpu::CommandEncoder, extent: &Extent) {
+        for Range { start, end } in pieces(&extent.sections[..SUMS]) {
+            encoder.clear_buffer(self.table.buffer(), start, Some(end - start));
+        }
     }
 }
 
 impl Extent {
-    /// The bytes from the first section that the frame has to the last.
-    pub fn used(&self) -> Range<u64> {
-        let mut used = self.sections.iter().filter(|section| !section.is_empty());
-        let Some(first) = used.next() else { return 0..0 };
-        first.start..used.next_back().unwrap_or(first).end
+    /// What is copied out, piece by piece.
+    pub fn pieces(&self) -> impl Iterator<Item = Range<u64>> + '_ {
+        pieces(&self.sections)
     }
 
-    /// A section, counted from the first byte that the frame uses.
-    pub fn section(&self, section: Section) -> Range<usize> {
-        let first = self.used().start;
-        let Range { start, end } = self.sections[section as usize];
-        if start == end {
-            return 0..0;
+    /// Where a section is among the pieces, as if they were one.
+    pub fn place(&self, section: Section) -> Range<usize> {
+        let wanted = &self.sections[section as usize];
+        let mut before = 0;
+        for piece in self.pieces() {
+            if piece.contains(&wanted.start) && !wanted.is_empty() {
+                let start = (before + wanted.start - piece.start) as usize;
+                return start..start + (wanted.end - wanted.start) as usize;
+            }
+            before += piece.end - piece.start;
         }
-        (start - first) as usize..(end - first) as usize
+        0..0
     }
+}
+
+/// Sections, those that are not empty, with small gaps between them.
+fn pieces(sections: &[Range<u64>]) -> impl Iterator<Item = Range<u64>> + '_ {
+    let mut filled = sections.iter().filter(|section| !section.is_empty()).cloned().peekable();
+    std::iter::from_fn(move || {
+        let mut piece = filled.next()?;
+        while let Some(next) = filled.next_if(|next| next.start - piece.end <= GAP) {
+            piece.end = next.end;
+        }
+        Some(piece)
+    })
 }
 
 /// Bytes of each section in a frame.
@@ -122,11 +151,28 @@ fn sizes(totals: &Totals) -> [u64; SECTIONS] {
     fn bytes<T>(count: u64) -> u64 {
         count * std::mem::size_of::<T>() as u64
     }
-    let groups = totals.groups.len() as u64;
     [
         bytes::<layout::OperationResult>(totals.edits.into()),
         bytes::<u32>(1),
         bytes::<layout::Tally>(totals.work),
-        bytes::<layout::PackedGroup>(groups),
+        bytes::<layout::PackedGroup>(totals.groups.len() as u64),
+        totals.tiles * PACKED_BYTES,
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_near_is_one_piece() {
+        let extent = Extent { sections: [0..0, 256..260, 512..5000, 9000..9100, 40_000..50_000] };
+        let pieces: Vec<_> = extent.pieces().collect();
+        assert_eq!(pieces, [256..9100, 40_000..50_000]);
+        assert_eq!(extent.place(Section::Operations), 0..0);
+        assert_eq!(extent.place(Section::PackedCount), 0..4);
+        assert_eq!(extent.place(Section::Tallies), 256..4744);
+        assert_eq!(extent.place(Section::PackedGroups), 8744..8844);
+        assert_eq!(extent.place(Section::Packed), 8844..18_844);
+    }
 }

@@ -49,10 +49,8 @@ pub struct Tables {
     pub sample_jobs: Upload<layout::SampleJob>,
     /// Cells of the fixed grid.
     pub samples: Table,
-    /// What frames leave for the host beside heights.
+    /// What frames leave for the host.
     pub results: Results,
-    /// Packed tiles.
-    pub packed: Table,
     /// What the host says in the next submit.
     pub mail: Mail,
     bindings: HashMap<(KernelId, u32), wgpu::BindGroup>,
@@ -84,7 +82,6 @@ impl Tables {
             sample_jobs: Upload::new(device, "sample jobs", Usage::STORAGE),
             samples: table("samples", Usage::empty()),
             results: Results::new(table("results", Usage::empty())),
-            packed: table("packed", Usage::empty()),
             mail: Mail::new(device),
             bindings: HashMap::new(),
             arena_generation: u64::MAX,
@@ -147,20 +144,14 @@ impl Tables {
         self.due.fit_to(device, arena);
     }
 
-    /// Makes room for a frame's results and clears them.
-    pub fn begin_frame(&mut self, device: &Device, totals: &Totals) -> wgpu::CommandEncoder {
-        let d = &device.device;
-        let grew = [
-            self.results.reserve(device, totals),
-            self.packed.reserve(d, totals.tiles * PACKED_BYTES),
-            self.samples.reserve(d, totals.samples * std::mem::size_of::<Sample>() as u64),
-        ];
+    /// Makes room for a frame's results.
+    pub fn reserve_results(&mut self, device: &Device, totals: &Totals) {
+        let samples = totals.samples * std::mem::size_of::<Sample>() as u64;
+        let grew =
+            [self.results.reserve(device, totals), self.samples.reserve(&device.device, samples)];
         if grew.contains(&true) {
             self.bindings.clear();
         }
-        let mut encoder = d.create_command_encoder(&Default::default());
-        self.results.clear(&mut encoder, totals);
-        encoder
     }
 
     /// Encodes everything that the host has to say in this submit.
@@ -238,6 +229,7 @@ impl Tables {
             Resource::PackedCount => return self.results.binding(Section::PackedCount),
             Resource::Tallies => return self.results.binding(Section::Tallies),
             Resource::PackedGroups => return self.results.binding(Section::PackedGroups),
+            Resource::Packed => return self.results.binding(Section::Packed),
             Resource::Sessions => self.sessions.buffer(),
             Resource::Runs => self.runs.buffer(),
             Resource::PageStarts => self.due.starts(),
@@ -251,7 +243,6 @@ impl Tables {
             Resource::Operations => self.operations.buffer(),
             Resource::SampleJobs => self.sample_jobs.buffer(),
             Resource::Samples => self.samples.buffer(),
-            Resource::Packed => self.packed.buffer(),
             Resource::Mass => cells(0),
             Resource::Thickness => cells(1),
             Resource::Temperature => cells(2),
