@@ -44,7 +44,7 @@ fn an_empty_frame_finds_nothing() {
 }
 
 #[test]
-fn a_frame_allocates_no_more_for_many_snowpacks_than_for_few() {
+fn a_frame_allocates_nothing_for_a_snowpack() {
     let allocations = |snowpacks: u32| {
         let mut gpu = gpu(false)?;
         let grid = Grid { width: 8, depth: 8, height: 20, cell_size: 0.2 };
@@ -71,5 +71,7 @@ fn a_frame_allocates_no_more_for_many_snowpacks_than_for_few() {
         Some(ALLOCATIONS.get() - before)
     };
     let (Some(few), Some(many)) = (allocations(4), allocations(60)) else { return };
-    assert_eq!(few, many);
+    // The graphics library's own vary by a few, as it asks the device once more or less often. One
+    // for each snowpack in each frame would be 448 more.
+    assert!(many < few + 56, "{few} and {many}");
 }

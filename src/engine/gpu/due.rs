@@ -59,12 +59,13 @@ impl Due {
     /// Makes room for the tiles of every page.
     pub fn fit_to(&mut self, device: &Device, arena: &Arena) {
         // The heads come first, so that they are cleared at once.
-        self.host_lists = arena.pages.len() as u32 * HEAD_WORDS;
+        let pages = arena.pages.rows();
+        self.host_lists = pages.len() as u32 * HEAD_WORDS;
         self.firsts.clear();
-        for page in 0..arena.pages.len() {
+        for rows in pages {
             self.firsts.push(self.host_lists);
             // No tile has less than one row of cells.
-            self.host_lists += arena.page_rows(page);
+            self.host_lists += rows;
         }
         let bytes: &[u8] = bytemuck::cast_slice(&self.firsts);
         self.starts.reserve(&device.device, bytes.len() as u64);

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::engine::frame::{Layout, Slot};
 use crate::snow::{CELL, Grid, Material, gold_prefactor};
 
-use super::arena::Place;
+use super::pages::Place;
 
 /// `Run.flags`: all tiles are to be woken.
 pub const WAKE: u32 = 1;

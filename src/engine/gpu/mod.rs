@@ -8,6 +8,7 @@ mod encode;
 pub mod kernels;
 pub mod layout;
 mod mapped;
+mod pages;
 mod plan;
 mod profile;
 mod ranges;

@@ -256,7 +256,7 @@ impl Planner<'_> {
         for part in self.parts(cycles) {
             let backwards = *self.turns % 2;
             *self.turns = self.turns.wrapping_add(1);
-            for (page, _) in (0..).zip(&self.arena.pages).filter(|(_, page)| page.is_some()) {
+            for (page, _) in (0..).zip(self.arena.pages.rows()).filter(|&(_, rows)| rows > 0) {
                 let (first, length) = (self.tables.due.first_of(page), Due::length_of(page));
                 let pass = Pass { first, length, backwards, ..part };
                 let kernel = KernelId::Compact;

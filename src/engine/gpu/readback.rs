@@ -9,10 +9,11 @@ use crate::engine::frame::{EngineError, Outcome, TileCells};
 use crate::engine::published::Published;
 use crate::snow::TILE_COLUMNS;
 
-use super::arena::{Arena, Place};
+use super::arena::Arena;
 use super::buffer::Table;
 use super::device::Device;
 use super::mapped::Mapped;
+use super::pages::Place;
 use super::report::{Copies, Reader, Reports};
 use super::results::Section;
 use super::survey::Totals;
@@ -180,7 +181,7 @@ impl Readback {
             let mut encoder = device.device.create_command_encoder(&Default::default());
             let mut offset = 0;
             for (place, _) in portion {
-                let Some(page) = &arena.pages[place.page as usize] else { continue };
+                let Some(page) = arena.pages.get(place.page) else { continue };
                 let first = u64::from(place.row) * u64::from(TILE_COLUMNS) * 4;
                 for cells in &page.cells {
                     let target = self.table.buffer();

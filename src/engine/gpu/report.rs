@@ -10,8 +10,8 @@ use crate::engine::published::Group;
 use crate::parallel;
 use crate::snow::Sample;
 
-use super::arena::Place;
 use super::layout::{self, join};
+use super::pages::Place;
 use super::resident::Residents;
 use super::results::{Extent, Section};
 use super::survey::{Part, Totals};

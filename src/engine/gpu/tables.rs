@@ -136,10 +136,10 @@ impl Tables {
 
     /// Lays the list of due tiles out for the pages there are.
     pub fn fit_to(&mut self, device: &Device, arena: &Arena) {
-        if self.arena_generation == arena.generation {
+        if self.arena_generation == arena.generation() {
             return;
         }
-        self.arena_generation = arena.generation;
+        self.arena_generation = arena.generation();
         self.bindings.clear();
         self.due.fit_to(device, arena);
     }
@@ -221,7 +221,7 @@ impl Tables {
         page: u32,
     ) -> wgpu::BindingResource<'a> {
         let cells = |index: usize| {
-            let page = arena.pages[page as usize].as_ref();
+            let page = arena.pages.get(page);
             &page.expect("only pages with tiles in them are dispatched").cells[index]
         };
         let buffer = match resource {
