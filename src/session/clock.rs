@@ -99,11 +99,14 @@ impl Clock {
         self.dt = time_scale / tick_rate;
     }
 
-    /// Ticks that fall after frame `from` up to frame `to`. They fall on the same frames in all
-    /// sessions of one rate.
+    /// Ticks per second \[Hz\].
+    pub fn tick_rate(&self) -> f64 {
+        self.tick_rate
+    }
+
+    /// Ticks that fall after frame `from` up to frame `to`; none where `to` is the earlier one.
     pub fn ticks_between(&self, from: u64, to: u64) -> u64 {
-        let ticks = |frame: u64| (frame as f64 * self.tick_rate / FRAME_RATE + 1e-9).floor() as u64;
-        ticks(to).saturating_sub(ticks(from))
+        ticks_between(self.tick_rate, from, to)
     }
 
     /// Length \[s\] of the cycles once nothing is pending; `None` where time stands still.
@@ -150,6 +153,13 @@ impl Clock {
             ticks -= self.advance(ticks, u32::MAX).ticks;
         }
     }
+}
+
+/// Ticks of a rate \[Hz\] that fall after frame `from` up to frame `to`; none where `to` is the earlier
+/// one. They fall on the same frames in all sessions of one rate.
+pub(super) fn ticks_between(tick_rate: f64, from: u64, to: u64) -> u64 {
+    let ticks = |frame: u64| (frame as f64 * tick_rate / FRAME_RATE + 1e-9).floor() as u64;
+    ticks(to).saturating_sub(ticks(from))
 }
 
 /// Number of equal cycles in which a time \[s\] is spent.

@@ -1,7 +1,7 @@
 //! A session as the rest of the server sees it.
 
 use std::any::Any;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 
 use serde::Serialize;
@@ -13,7 +13,7 @@ use crate::engine::frame::{TileCells, cell_bytes};
 use crate::snow::{CELL, ColumnRect};
 
 use super::change::{Change, StepSpec};
-use super::clock::{Clock, FRAME_RATE};
+use super::clock::Clock;
 use super::error::{Invalid, SessionError};
 use super::gather::Sampled;
 use super::journal::Identity;
@@ -104,8 +104,10 @@ pub struct Session {
     lost: RwLock<Arc<[(u64, u64)]>>,
     /// Lowest and highest elevation of the ground \[m\].
     pub(super) ground: (f64, f64),
-    /// Frame of the newest request.
-    last_used: AtomicU64,
+    /// Requests under way and streams.
+    pub(super) visitors: AtomicU32,
+    /// Frame in which somebody was last known to be with it.
+    pub(super) last_used: AtomicU64,
     pub(super) world: mpsc::Sender<Message>,
     /// Frames so far, of all sessions.
     pub(super) frames: Arc<AtomicU64>,
@@ -158,6 +160,7 @@ impl Session {
             hibernating: AtomicBool::new(false),
             lost: RwLock::new(Arc::new([])),
             ground: spec.ground_range(),
+            visitors: AtomicU32::new(0),
             last_used: AtomicU64::new(sessions.frames.load(Ordering::Relaxed)),
             world: sessions.world.clone(),
             frames: sessions.frames.clone(),
@@ -247,17 +250,6 @@ impl Session {
     /// Frames so far, for [`Mirror::stamp_at`] and [`Mirror::clock_at`].
     pub fn frame(&self) -> u64 {
         self.frames.load(Ordering::Relaxed)
-    }
-
-    /// Notes that somebody has asked for the session.
-    pub(super) fn touch(&self) {
-        self.last_used.store(self.frame(), Ordering::Relaxed);
-    }
-
-    /// Seconds since a request was last begun.
-    pub(super) fn idle_for(&self) -> f64 {
-        let frames = self.frame().saturating_sub(self.last_used.load(Ordering::Relaxed));
-        frames as f64 / FRAME_RATE
     }
 
     /// The newest published state's stamp, and a way to wait for the next.

@@ -23,6 +23,7 @@ mod spec;
 mod step;
 mod token;
 mod view;
+mod visit;
 mod vitals;
 mod weak;
 mod world;
@@ -50,5 +51,6 @@ pub use view::{
     CreatedSession, LayerView, MassView, SessionView, Settings, SnowfallReply, Stamp, State,
     Summary, WeakLayerView,
 };
+pub use visit::Visit;
 pub use vitals::{FrameParts, FrameTime, StageTimes, Vitals};
 pub use world::{Durability, Fault, OpenBackend, StartError, World, WorldConfig};

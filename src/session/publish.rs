@@ -129,8 +129,7 @@ impl Simulation {
     /// Everything of the mirror that costs nothing to copy.
     fn write_clock(&self, mirror: &mut Mirror) {
         mirror.clock = self.clock;
-        let passes = !self.settings.paused && self.is_resting();
-        mirror.resting_since = passes.then_some(self.frame);
+        mirror.resting_since = self.passes().then_some(self.frame);
         mirror.settled = self.is_settled();
         mirror.mass_quanta = self.ledger.present();
         mirror.settings = self.settings;

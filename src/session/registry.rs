@@ -17,6 +17,7 @@ use super::once::{Answered, Done, DoneResult, Once};
 use super::snapshot::Snapshot;
 use super::spec::{Limits, SessionSpec};
 use super::token::Tokens;
+use super::visit::Visit;
 use super::vitals::Vitals;
 use super::world::Fault;
 
@@ -212,7 +213,7 @@ impl Sessions {
                  the API key that it was made with"
             ))
         });
-        Some(self.get(id).and_then(|session| Ok((session, tokens?))))
+        Some(self.get(id).and_then(|session| Ok((Arc::clone(&session), tokens?))))
     }
 
     /// Whether sessions may be made now.
@@ -247,14 +248,13 @@ impl Sessions {
         Ok((session, tokens))
     }
 
-    /// A session by its name.
+    /// A session by its name, for who uses it.
     ///
     /// # Errors
     /// [`SessionError::NotFound`]; [`SessionError::Unavailable`] while sessions are brought back.
-    pub fn get(&self, id: &str) -> Result<Arc<Session>, SessionError> {
+    pub fn get(&self, id: &str) -> Result<Visit, SessionError> {
         let unknown = || SessionError::NotFound { kind: "session", id: id.to_owned() };
-        let session = self.find(id)?.ok_or_else(unknown)?;
-        session.touch();
+        let session = Visit::begin(self.find(id)?.ok_or_else(unknown)?);
         if session.hibernating.load(Ordering::Relaxed) {
             // A queue that is full wakes it with what is asked for next.
             let _ = self.world.try_send(Message::Wake { key: session.key });

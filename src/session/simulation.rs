@@ -227,6 +227,11 @@ impl Simulation {
             && self.clock.steady_cycle().is_none_or(|dt| Some(dt) == self.last_dt)
     }
 
+    /// Whether its ticks pass by themselves: nothing moves, and its time goes on.
+    pub(super) fn passes(&self) -> bool {
+        !self.settings.paused && !self.frozen && self.is_resting()
+    }
+
     /// Whether the session wants to be in the coming frames.
     pub(super) fn wants_frames(&self) -> bool {
         self.replay.is_some()
@@ -244,7 +249,7 @@ impl Simulation {
     pub(super) fn catch_up(&mut self, frame: u64) {
         if self.settings.paused || self.frozen {
             self.frame = frame;
-        } else if self.is_resting() {
+        } else if self.passes() {
             self.clock.pass(self.clock.ticks_between(self.frame, frame));
             self.frame = frame;
         }
@@ -385,15 +390,17 @@ impl Simulation {
         }
     }
 
-    /// Lets time go on after it stood still.
+    /// Lets time go on after it stood still, and has that published.
     pub(super) fn thaw(&mut self, frame: u64) {
         self.frozen = false;
         self.frame = frame;
+        self.unpublished = true;
     }
 
-    /// Tick that it should have reached when it is brought back to what is stored: what has passed
-    /// by itself is not lost.
-    pub(super) fn until(&self) -> u64 {
+    /// Tick that it should have reached when it is brought back in a frame to what is stored: what
+    /// has passed by itself is not lost.
+    pub(super) fn until(&mut self, frame: u64) -> u64 {
+        self.catch_up(frame);
         if self.settings.paused { 0 } else { self.clock.tick() }
     }
 

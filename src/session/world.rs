@@ -5,11 +5,12 @@
 //! do, waits for its outcome, publishes and answers. Ticks fall on a beat of 60 frames a second;
 //! frames between beats carry out requests at once.
 
+mod deadlines;
 mod durability;
 mod engine;
+mod marks;
 mod requests;
 mod revive;
-mod rounds;
 mod simulations;
 mod slots;
 mod supervise;
@@ -27,16 +28,16 @@ use tracing::{info, warn};
 use crate::engine::frame::{Backend, EngineError};
 
 use super::handle::Session;
-use super::journal::{self, Journal, SEQ_RESERVE, Stored};
+use super::journal::{self, Assembled, Journal, SEQ_RESERVE, Stored};
 use super::message::Message;
 use super::once::Answered;
 use super::pace::Pace;
 use super::registry::{Names, Sessions};
 use super::spec::Limits;
 use super::vitals::Vitals;
+use deadlines::Deadlines;
 use engine::Engine;
 use revive::Revival;
-use rounds::Rounds;
 use simulations::Simulations;
 use slots::Slots;
 
@@ -100,14 +101,14 @@ impl World {
         if let Some(damage) = &loaded.damage {
             warn!("the store was damaged: {damage}; its newest changes may be missing");
         }
-        let last_key = loaded.rows.keys().map(|row| row.session).max();
-        let (stored, broken) = journal::assemble(loaded.rows);
+        let Assembled { sessions: stored, broken, frame, next_key } =
+            journal::assemble(loaded.rows);
         for what in &broken {
             warn!("can't be brought back: {what}");
         }
         let (send, inbox) = mpsc::channel(INBOX);
         let names = Arc::new(Names::default());
-        let frames = Arc::new(AtomicU64::new(0));
+        let frames = Arc::new(AtomicU64::new(frame));
         let vitals = Arc::new(Vitals::new(backend.device().clone(), backend.memory()));
         vitals.recovered.store(stored.is_empty(), Ordering::Relaxed);
         vitals.store.lost(broken.len());
@@ -120,9 +121,9 @@ impl World {
             answered.clone(),
             config.limits,
         );
-        sessions.keys.store(last_key.map_or(0, |key| key + 1), Ordering::Relaxed);
+        sessions.keys.store(next_key, Ordering::Relaxed);
         let jump = u64::from(getrandom::u32().map_err(std::io::Error::other)?) % SEQ_RESERVE;
-        let (image, comebacks) = come_back(&sessions, stored, jump);
+        let (image, comebacks) = come_back(&sessions, stored, frame, jump);
         // The runtime only waits: for a request or for the next beat, whatever comes first.
         let clock = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
         let journal = Journal::start(
@@ -142,14 +143,15 @@ impl World {
             names,
             vitals,
             frames,
-            frame: 0,
+            frame,
             full: false,
-            looked_after: 0,
+            looked_after: frame,
             next_beat: Instant::now(),
             pace: Pace::default(),
             simulations: Simulations::default(),
             busy: false,
-            rounds: Rounds::default(),
+            ends: Deadlines::default(),
+            saves: Deadlines::default(),
             hibernating: HashMap::new(),
             leaving: HashMap::new(),
             slots: Slots::default(),
@@ -180,11 +182,13 @@ impl World {
     }
 }
 
-/// Sessions that outlived the last stop, with mirrors that go on where they were, but for their
-/// seqs: `jump` keeps those apart from the seqs of another server that began with the same file.
+/// Sessions that outlived the last stop, as they were in the last `frame`, with mirrors that go on
+/// where they were, but for their seqs: `jump` keeps those apart from the seqs of another server
+/// that began with the same file.
 fn come_back(
     sessions: &Sessions,
     stored: BTreeMap<u64, Stored>,
+    frame: u64,
     jump: u64,
 ) -> (HashMap<u64, Stored>, BTreeMap<u64, Revival>) {
     if !stored.is_empty() {
@@ -197,13 +201,14 @@ fn come_back(
         let published = stored.mark.seq.max(checkpoint.as_ref().map_or(1, |saved| saved.seq));
         let seq = published + SEQ_RESERVE + jump;
         stored.mark.lose(published + 1, seq);
+        stored.mark.seq = seq;
+        stored.mark.stop_at(frame);
         let identity = (*stored.identity).clone();
         let session = Session::identified(sessions, key, identity, stored.origin.clone());
         session.go_on_from(seq, checkpoint.as_ref().map(|saved| &saved.versions[..]));
         session.set_lost_seqs(&stored.mark.lost);
-        let until = stored.mark.tick;
         image.insert(key, stored.clone());
-        comebacks.insert(key, Revival::at_start(Arc::new(session), stored, until));
+        comebacks.insert(key, Revival::at_start(Arc::new(session), stored));
     }
     (image, comebacks)
 }

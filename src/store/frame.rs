@@ -34,8 +34,15 @@ impl Row {
     pub fn named(name: &[u8]) -> Option<Row> {
         let (session, rest) = name.split_first_chunk::<8>()?;
         let (&kind, number) = rest.split_first()?;
-        let kinds =
-            [Kind::Identity, Kind::Origin, Kind::Checkpoint, Kind::Entry, Kind::Mark, Kind::Answer];
+        let kinds = [
+            Kind::Identity,
+            Kind::Origin,
+            Kind::Checkpoint,
+            Kind::Entry,
+            Kind::Mark,
+            Kind::Answer,
+            Kind::Heartbeat,
+        ];
         Some(Row {
             session: u64::from_be_bytes(*session),
             kind: kinds.into_iter().find(|&known| known as u8 == kind)?,
@@ -119,6 +126,7 @@ mod tests {
             row(2, Kind::Entry, 256),
             row(2, Kind::Mark, 0),
             row(256, Kind::Identity, 0),
+            row(u64::MAX, Kind::Heartbeat, 0),
         ];
         assert!(rows.windows(2).all(|pair| pair[0] < pair[1] && pair[0].name() < pair[1].name()));
         assert!(rows.iter().all(|row| Row::named(&row.name()) == Some(*row)));

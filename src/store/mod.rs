@@ -26,6 +26,8 @@ pub enum Kind {
     Mark = 5,
     /// The answer to a request that may be repeated.
     Answer = 6,
+    /// How far everything has come, of no session.
+    Heartbeat = 7,
 }
 
 /// Name of a row. Rows of a session lie together.

@@ -15,8 +15,6 @@ mod socket;
 mod subscription;
 mod tiles;
 
-use std::sync::Arc;
-
 use axum::extract::State;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
@@ -26,7 +24,7 @@ use utoipa::IntoParams;
 
 use crate::http::{App, Caller, FromQuery, Params, Query, Segments, bearer};
 use crate::problem::Problem;
-use crate::session::Session;
+use crate::session::Visit;
 
 use tiles::LARGEST_PART;
 
@@ -111,7 +109,7 @@ pub async fn stream(
 }
 
 /// Who wants to stream, and what.
-fn admit(app: &App, id: &str, token: Option<&str>) -> Result<(Arc<Session>, Caller), Problem> {
+fn admit(app: &App, id: &str, token: Option<&str>) -> Result<(Visit, Caller), Problem> {
     let caller = app.gate.access.admit(token, app.sessions.find(id)?.as_deref())?;
     Ok((app.sessions.get(id)?, caller))
 }
@@ -120,7 +118,7 @@ fn admit(app: &App, id: &str, token: Option<&str>) -> Result<(Arc<Session>, Call
 fn begin(
     app: App,
     upgrade: WebSocketUpgrade,
-    session: Arc<Session>,
+    session: Visit,
     caller: Caller,
 ) -> Result<Response, Problem> {
     let (upgrade, protocol) = negotiate(upgrade)?;

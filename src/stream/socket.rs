@@ -1,7 +1,6 @@
 //! One client's connection: both halves run in one task until one of them ends, or the server
 //! stops, or the session is deleted.
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use axum::extract::ws::{Message, WebSocket};
@@ -12,7 +11,7 @@ use tokio::time::{sleep, timeout};
 use tracing::debug;
 
 use crate::http::{App, Caller};
-use crate::session::{Session, SessionError};
+use crate::session::{Session, SessionError, Visit};
 
 use super::cause::Cause;
 use super::receive::{Bounds, receive};
@@ -25,7 +24,7 @@ const ANSWERS: usize = 16;
 /// Serves a client until the stream ends.
 pub async fn serve(
     mut socket: WebSocket,
-    session: Arc<Session>,
+    session: Visit,
     caller: Caller,
     protocol: Protocol,
     app: &App,

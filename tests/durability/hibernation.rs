@@ -103,6 +103,14 @@ async fn a_session_that_somebody_watches_stays_awake(backend: BackendChoice) {
     assert_eq!(listed(&server, "watched").await["state"], "paused");
     drop(stream);
     until_hibernating(&server, "watched").await;
+    // It is not idle before its time has passed since the last one left, less a frame or two.
+    let visit = server.sessions.get("watched").unwrap();
+    tokio::time::sleep(Duration::from_millis(2500)).await;
+    assert_eq!(listed(&server, "watched").await["state"], "paused");
+    let left = Instant::now();
+    drop(visit);
+    until_hibernating(&server, "watched").await;
+    assert!(left.elapsed() > Duration::from_millis(900), "after {:?}", left.elapsed());
     server.stop().await;
 }
 

@@ -12,6 +12,7 @@ mod faults;
 mod hibernation;
 mod kill;
 mod process;
+mod rest;
 mod restart;
 mod resume;
 mod script;

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::session::change::Change;
+use crate::session::clock::ticks_between;
 use crate::session::spec::SessionSpec;
 use crate::session::token::TokenHashes;
 
@@ -51,9 +52,48 @@ pub(crate) struct Mark {
     pub next: u64,
     /// Seqs, first and last, whose states were lost.
     pub lost: Vec<(u64, u64)>,
+    /// Where its ticks pass by themselves, and the heartbeat says how many have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest: Option<Rest>,
+}
+
+/// A session in which nothing moves while its time goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Rest {
+    /// Frame up to which its ticks are counted in the mark.
+    pub since: u64,
+    /// Ticks per second \[Hz\] from there on.
+    pub tick_rate: f64,
+}
+
+/// How far the world has come, in frames. They go on from life to life of the server.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Heartbeat {
+    pub frame: u64,
 }
 
 impl Mark {
+    /// The tick that it stands for once the world has come to a frame.
+    pub fn tick_at(&self, frame: u64) -> u64 {
+        let passed = self.rest.map_or(0, |rest| ticks_between(rest.tick_rate, rest.since, frame));
+        self.tick.saturating_add(passed)
+    }
+
+    /// Whether it says all that another one says, which was made later.
+    pub fn holds(&self, later: &Mark) -> bool {
+        let (own, other) = (self.rest, later.rest);
+        let frame = other.map_or(0, |rest| rest.since);
+        own.map(|rest| rest.tick_rate) == other.map(|rest| rest.tick_rate)
+            && self.tick_at(frame) == later.tick
+            && (self.seq, self.next, &self.lost) == (later.seq, later.next, &later.lost)
+    }
+
+    /// Has its time stand still at the tick that it stands for at a frame.
+    pub fn stop_at(&mut self, frame: u64) {
+        self.tick = self.tick_at(frame);
+        self.rest = None;
+    }
+
     /// Adds a range of lost seqs. The oldest are joined where they are too many: resuming at a seq
     /// below them is refused, which is safe.
     pub fn lose(&mut self, first: u64, last: u64) {
@@ -138,6 +178,38 @@ mod tests {
             let text = serde_json::to_string(&event).unwrap();
             assert_eq!(serde_json::from_str::<Event>(&text).unwrap(), event, "{text}");
         }
+    }
+
+    #[test]
+    fn a_mark_at_rest_goes_on_with_the_world() {
+        let rest = |since| Some(Rest { since, tick_rate: 20.0 });
+        let mark = Mark { tick: 100, seq: 7, rest: rest(600), ..Mark::default() };
+        assert_eq!(
+            [0, 600, 602, 603, 660].map(|frame| mark.tick_at(frame)),
+            [100, 100, 100, 101, 120]
+        );
+        assert!(mark.holds(&Mark { tick: 120, rest: rest(660), ..mark.clone() }));
+        for other in [
+            Mark { tick: 119, rest: rest(660), ..mark.clone() },
+            Mark { tick: 120, rest: rest(660), seq: 8, ..mark.clone() },
+            Mark { tick: 120, rest: rest(660), lost: vec![(1, 2)], ..mark.clone() },
+            Mark { tick: 120, rest: None, ..mark.clone() },
+            Mark { rest: Some(Rest { since: 600, tick_rate: 21.0 }), ..mark.clone() },
+        ] {
+            assert!(!mark.holds(&other), "{other:?}");
+        }
+        let mut still = mark.clone();
+        still.stop_at(660);
+        assert_eq!((still.tick_at(u64::MAX), still.rest), (120, None));
+        assert!(!still.holds(&mark), "its time goes on now");
+    }
+
+    #[test]
+    fn a_mark_of_a_version_that_knew_no_rest_is_one_of_a_session_that_stands_still() {
+        let old = r#"{"tick":5,"seq":9,"next":2,"lost":[[3,4]]}"#;
+        let mark: Mark = serde_json::from_str(old).unwrap();
+        assert_eq!(mark, Mark { tick: 5, seq: 9, next: 2, lost: vec![(3, 4)], rest: None });
+        assert_eq!(serde_json::to_string(&mark).unwrap(), old);
     }
 
     #[test]

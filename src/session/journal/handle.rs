@@ -16,7 +16,7 @@ use crate::store::{Store, StoreError};
 
 use super::image::{Image, Stored, Submission};
 use super::writer::Writer;
-use super::{Ack, Checkpoint, Record, StoreVitals, Taken};
+use super::{Ack, Checkpoint, Heartbeat, Record, StoreVitals, Taken};
 
 /// Submissions that may wait; beyond them changes are refused.
 const LONGEST_BACKLOG: usize = 65_536;
@@ -33,7 +33,8 @@ pub(crate) enum Feedback {
 }
 
 pub(super) enum Task {
-    Commit(Vec<Submission>),
+    /// With how far the world has come after all of it.
+    Commit(Vec<Submission>, Option<Heartbeat>),
     Flush(mpsc::Sender<()>),
 }
 
@@ -63,6 +64,7 @@ pub(crate) struct Journal {
     threads: Vec<JoinHandle<()>>,
     /// What this frame has left.
     frame: Vec<Submission>,
+    heartbeat: Option<Heartbeat>,
     /// Whether what is committed outlives the process.
     pub durable: bool,
 }
@@ -110,6 +112,7 @@ impl Journal {
             shared,
             threads,
             frame: Vec::new(),
+            heartbeat: None,
             durable,
         })
     }
@@ -119,15 +122,21 @@ impl Journal {
         self.frame.push(submission);
     }
 
+    /// Adds that the world has come to a frame, and with it every session at rest.
+    pub fn beat(&mut self, frame: u64) {
+        self.heartbeat = Some(Heartbeat { frame });
+    }
+
     /// Hands over what this frame has left, to be committed together.
     pub fn send(&mut self) {
-        if self.frame.is_empty() {
+        if self.frame.is_empty() && self.heartbeat.is_none() {
             return;
         }
         let frame = std::mem::take(&mut self.frame);
         self.shared.backlog.fetch_add(frame.len(), Ordering::Relaxed);
+        let task = Task::Commit(frame, self.heartbeat.take());
         if let Some(tasks) = &self.tasks
-            && let Err(mpsc::SendError(Task::Commit(frame))) = tasks.send(Task::Commit(frame))
+            && let Err(mpsc::SendError(Task::Commit(frame, _))) = tasks.send(task)
         {
             refuse_all(frame, &stopped());
         }
@@ -136,6 +145,7 @@ impl Journal {
     /// Gives up what this frame has left.
     pub fn abandon(&mut self, why: &SessionError) {
         refuse_all(std::mem::take(&mut self.frame), why);
+        self.heartbeat = None;
     }
 
     /// Hands over a snapshot, to be made a checkpoint that holds all entries below `base`.
@@ -168,11 +178,14 @@ impl Journal {
         self.feedback.recv_timeout(patience).ok()
     }
 
-    /// What is durable of a session, for a new life of it: what the old one submitted is void.
-    pub fn new_life(&self, key: u64) -> Option<Stored> {
+    /// What is durable of a session, for a new life of it: what the old one submitted is void. It
+    /// begins at a tick, or later where that is durable, and its time stands still until then.
+    pub fn new_life(&self, key: u64, tick: u64) -> Option<Stored> {
         let mut image = lock(&self.shared.image);
         let stored = image.get_mut(&key)?;
         stored.generation += 1;
+        stored.mark.tick = stored.mark.tick.max(tick);
+        stored.mark.rest = None;
         Some(stored.clone())
     }
 
@@ -225,7 +238,7 @@ fn encode(jobs: &mpsc::Receiver<Job>, tasks: &mpsc::Sender<Task>, shared: &Share
         let submission = Submission { key, generation, records, acks: Vec::new() };
         shared.backlog.fetch_add(1, Ordering::Relaxed);
         // Nobody is left to take it where this fails.
-        let _ = tasks.send(Task::Commit(vec![submission]));
+        let _ = tasks.send(Task::Commit(vec![submission], None));
     }
 }
 

@@ -7,7 +7,7 @@ use crate::session::once::Done;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 
-use super::{Ack, Entry, Event, Identity, Mark, Record, Stored, Submission};
+use super::{Ack, Entry, Event, Identity, Mark, Record, Rest, Stored, Submission};
 
 /// Entries after which a checkpoint is due, however young the last is.
 const LONGEST_JOURNAL: u64 = 8192;
@@ -32,8 +32,17 @@ pub(crate) struct Log {
     pub taken: Option<Box<Taken>>,
     /// As last submitted.
     mark: Mark,
+    /// What is stored says something else.
+    unmarked: bool,
     /// Since when the newest checkpoint is not the state any more.
     outdated: Option<Instant>,
+}
+
+/// How far a session has come.
+struct Progress {
+    tick: u64,
+    seq: u64,
+    rest: Option<Rest>,
 }
 
 /// A snapshot that is to be a checkpoint.
@@ -65,6 +74,7 @@ impl Log {
             next: stored.next(),
             covered: stored.base(),
             mark: stored.mark.clone(),
+            unmarked: true,
             outdated: (stored.checkpoint.is_none() || !stored.entries.is_empty())
                 .then(Instant::now),
             ..Log::default()
@@ -110,10 +120,18 @@ impl Log {
         self.outdated.is_none()
     }
 
-    /// Whether a checkpoint is due.
-    pub fn wants_checkpoint(&self, interval: Duration) -> bool {
-        self.outdated.is_some_and(|since| since.elapsed() >= interval)
-            || self.next - self.covered >= LONGEST_JOURNAL
+    /// When a checkpoint is due that is made some time after a change.
+    pub fn checkpoint_due(&self, interval: Duration) -> Option<Instant> {
+        let since = self.outdated?;
+        if self.next - self.covered >= LONGEST_JOURNAL {
+            return Some(since);
+        }
+        since.checked_add(interval)
+    }
+
+    /// Whether its newest mark says that it is at rest.
+    pub fn rests(&self) -> bool {
+        self.mark.rest.is_some()
     }
 
     /// Notes that a checkpoint of the present state has been taken.
@@ -122,21 +140,17 @@ impl Log {
         self.outdated = None;
     }
 
-    /// What the last frame left to be made durable; `ran` says whether it had cycles.
-    fn take(
-        &mut self,
-        key: u64,
-        tick: u64,
-        seq: impl FnOnce() -> u64,
-        ran: bool,
-    ) -> Option<Submission> {
+    /// Whether the last frame left anything to be made durable; `ran` says whether it had cycles.
+    fn has_news(&mut self, ran: bool) -> bool {
         if ran || !self.events.is_empty() {
             self.outdate();
         }
-        let nothing = self.events.is_empty() && self.acks.is_empty() && self.create.is_none();
-        if nothing && self.taken.is_none() {
-            return None;
-        }
+        let waited_for = !self.acks.is_empty() || self.create.is_some() || self.taken.is_some();
+        waited_for || !self.events.is_empty()
+    }
+
+    /// What the last frame left to be made durable.
+    fn take(&mut self, key: u64, progress: Progress, ran: bool) -> Submission {
         let mut records = Vec::with_capacity(3);
         records.extend(self.create.take());
         if !self.events.is_empty() {
@@ -145,25 +159,20 @@ impl Log {
             records.push(Record::Entry(self.next, Arc::new(entry)));
             self.next += 1;
         }
-        records.push(Record::Mark(self.mark_at(tick, seq())));
+        records.push(Record::Mark(self.set_mark(self.mark_of(progress))));
         records.extend(self.answered.drain(..).map(Record::Done));
         let acks = std::mem::take(&mut self.acks);
-        Some(Submission { key, generation: self.generation, records, acks })
+        Submission { key, generation: self.generation, records, acks }
     }
 
-    /// A mark, where the session has come further than the last one says.
-    pub fn take_mark(&mut self, key: u64, tick: u64, seq: u64) -> Option<Submission> {
-        let known = (self.mark.tick, self.mark.seq) == (tick, seq);
-        if known || self.create.is_some() {
-            return None;
-        }
-        let records = vec![Record::Mark(self.mark_at(tick, seq))];
-        Some(Submission { key, generation: self.generation, records, acks: Vec::new() })
+    fn mark_of(&self, Progress { tick, seq, rest }: Progress) -> Mark {
+        Mark { tick, seq, next: self.next, lost: self.mark.lost.clone(), rest }
     }
 
-    fn mark_at(&mut self, tick: u64, seq: u64) -> Mark {
-        self.mark = Mark { tick, seq, next: self.next, ..std::mem::take(&mut self.mark) };
-        self.mark.clone()
+    fn set_mark(&mut self, mark: Mark) -> Mark {
+        self.unmarked = false;
+        self.mark = mark.clone();
+        mark
     }
 
     /// Everybody who waits.
@@ -189,14 +198,33 @@ impl Left {
 impl Simulation {
     /// What the last frame has left for the journal.
     pub(in crate::session) fn leave(&mut self) -> Left {
-        let (tick, ran) = (self.clock.tick(), self.flight.advance.run.cycles > 0);
-        let session = &self.session;
-        let submission = self.log.take(session.key, tick, || session.mirror().seq, ran);
+        let ran = self.flight.advance.run.cycles > 0;
+        let submission = self.log.has_news(ran).then(|| {
+            let progress = self.progress();
+            self.log.take(self.session.key, progress, ran)
+        });
         let checkpoint = self.log.taken.take().map(|taken| {
             self.log.cover();
             (self.log.generation, self.log.next, taken)
         });
         Left { submission, checkpoint }
+    }
+
+    /// A mark, where the newest one does not say how far the session has come.
+    pub(in crate::session) fn mark(&mut self) -> Option<Submission> {
+        let mark = self.log.mark_of(self.progress());
+        let known = !self.log.unmarked && self.log.mark.holds(&mark);
+        if known || self.log.create.is_some() {
+            return None;
+        }
+        let mark = self.log.set_mark(mark);
+        Some(Submission::of_mark(self.session.key, self.log.generation, mark))
+    }
+
+    fn progress(&self) -> Progress {
+        let (tick, tick_rate) = (self.clock.tick(), self.clock.tick_rate());
+        let rest = self.passes().then_some(Rest { since: self.frame, tick_rate });
+        Progress { tick, seq: self.session.mirror().seq, rest }
     }
 }
 

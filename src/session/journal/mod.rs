@@ -6,6 +6,7 @@
 //! in memory: it is what sessions are brought back from when the device is lost, when a commit
 //! fails, and when they wake. The store itself is read only once, at the start.
 
+mod assemble;
 mod entry;
 mod handle;
 mod image;
@@ -14,9 +15,10 @@ mod meter;
 mod replay;
 mod writer;
 
-pub(super) use entry::{Checkpoint, Entry, Event, Identity, Mark};
+pub(super) use assemble::{Assembled, assemble};
+pub(super) use entry::{Checkpoint, Entry, Event, Heartbeat, Identity, Mark, Rest};
 pub(super) use handle::{Feedback, Journal};
-pub(super) use image::{Record, Stored, Submission, assemble};
+pub(super) use image::{Record, Stored, Submission};
 pub(super) use log::{Left, Log, Taken};
 pub use meter::StoreVitals;
 pub(super) use replay::Replay;

@@ -36,12 +36,12 @@ pub(crate) struct Replay {
 }
 
 impl Replay {
-    /// What a session has to go through after its checkpoint, at least up to a tick. `mirrors`
-    /// says whether the mirror knows nothing better than the checkpoint.
-    pub fn new(stored: &Stored, until: u64, mirrors: bool) -> Replay {
+    /// What a session has to go through after its checkpoint, at least up to the tick of its mark.
+    /// `mirrors` says whether the mirror knows nothing better than the checkpoint.
+    pub fn new(stored: &Stored, mirrors: bool) -> Replay {
         Replay {
             entries: stored.entries.clone(),
-            until,
+            until: stored.mark.tick,
             restores: true,
             mirrors: mirrors && stored.checkpoint.is_some(),
             alone: true,

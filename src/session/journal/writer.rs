@@ -20,8 +20,8 @@ use crate::session::once::Done;
 use crate::store::{Kind, Row, Store, StoreError, Write};
 
 use super::handle::{Feedback, Shared, Task, lock, refuse, unstorable};
-use super::image::Submission;
-use super::{Mark, Record};
+use super::image::{Submission, beat};
+use super::{Heartbeat, Mark, Record};
 
 /// Time between two attempts to write to a store that failed.
 const RETRY: Duration = Duration::from_millis(250);
@@ -41,6 +41,8 @@ pub(super) struct Writer {
     shared: Arc<Shared>,
     /// Marks that wait for company.
     waiting: Vec<Submission>,
+    /// As they do.
+    heartbeat: Option<Heartbeat>,
     last_commit: Instant,
     /// Sessions of which the store may hold what was refused.
     spoiled: BTreeSet<u64>,
@@ -70,6 +72,7 @@ impl Writer {
             nudge,
             shared,
             waiting: Vec::new(),
+            heartbeat: None,
             last_commit: Instant::now(),
             spoiled: BTreeSet::new(),
             late: HashMap::new(),
@@ -103,10 +106,19 @@ impl Writer {
     }
 
     /// Waits for work and takes what there is. False means that there will be no more.
-    fn collect(&self, batch: &mut Vec<Submission>, flushes: &mut Vec<mpsc::Sender<()>>) -> bool {
-        let (idle, failed) = (batch.is_empty(), self.is_failed());
+    fn collect(
+        &mut self,
+        batch: &mut Vec<Submission>,
+        flushes: &mut Vec<mpsc::Sender<()>>,
+    ) -> bool {
+        let idle = batch.is_empty() && self.heartbeat.is_none();
+        let failed = self.is_failed();
+        let newest = &mut self.heartbeat;
         let mut take = |task| match task {
-            Task::Commit(submissions) => batch.extend(submissions),
+            Task::Commit(submissions, heartbeat) => {
+                batch.extend(submissions);
+                *newest = heartbeat.or(*newest);
+            }
             Task::Flush(done) => flushes.push(done),
         };
         if idle && !failed {
@@ -179,11 +191,13 @@ impl Writer {
             return Ok(());
         }
         batch.iter().for_each(|submission| submission.writes(&mut writes));
+        writes.extend(self.heartbeat.map(beat));
         if writes.is_empty() {
             return Ok(());
         }
         let began = Instant::now();
         self.store.commit(&writes)?;
+        self.heartbeat = None;
         self.shared.vitals.committed(began.elapsed());
         Ok(())
     }

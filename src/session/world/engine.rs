@@ -23,8 +23,8 @@ use crate::session::registry::Names;
 use crate::session::simulation::Simulation;
 use crate::session::vitals::{FrameTime, Vitals};
 
+use super::deadlines::Deadlines;
 use super::revive::Revival;
-use super::rounds::Rounds;
 use super::simulations::Simulations;
 use super::slots::Slots;
 use super::{INBOX, OpenBackend, WorldConfig};
@@ -53,7 +53,10 @@ pub(super) struct Engine {
     pub(super) simulations: Simulations,
     /// A simulation has orders, which no beat has to be waited for.
     pub(super) busy: bool,
-    pub(super) rounds: Rounds,
+    /// When it is to be seen whether sessions are to be deleted, because nobody wants them.
+    pub(super) ends: Deadlines,
+    /// When checkpoints are to be made of them, before they hibernate or to cut their journals short.
+    pub(super) saves: Deadlines,
     /// Sessions whose memory is freed.
     pub(super) hibernating: HashMap<u64, Arc<Session>>,
     /// Who waits for a session to be deleted.
@@ -192,7 +195,8 @@ impl Engine {
         Ok(time)
     }
 
-    /// Keeps a simulation among the active ones where it has more to do.
+    /// Keeps a simulation among the active ones where it has more to do. Where not, only time goes
+    /// on in it from here.
     pub(super) fn review(&mut self, key: u64) {
         let Some(simulation) = self.simulations.get(&key) else { return };
         if self.fallen.contains(&key) {
@@ -201,6 +205,10 @@ impl Engine {
         self.busy |= simulation.has_orders();
         let active = simulation.wants_frames();
         self.simulations.set_active(key, active);
+        if !active {
+            self.mark(key);
+            self.schedule(key);
+        }
     }
 
     /// Does something with one simulation. A panic has it brought back, and harms no other.

@@ -111,7 +111,6 @@ impl Engine {
         let key = session.key;
         let log = Log::created(Arc::new(session.identity()), session.origin.clone(), done);
         self.simulations.insert(key, Simulation::new(session, slot, self.frame, log));
-        self.rounds.insert(key);
         self.guard(key, |simulation| {
             simulation.begin(saved.as_deref());
             simulation.next.replies.push(Reply::Created(reply));
@@ -190,7 +189,12 @@ impl Engine {
         if !self.simulations.contains_key(&key) {
             return Err(gone());
         }
-        self.guard(key, act).ok_or_else(|| {
+        let frame = self.frame;
+        let caught_up = |simulation: &mut Simulation| {
+            simulation.catch_up(frame);
+            act(simulation)
+        };
+        self.guard(key, caught_up).ok_or_else(|| {
             SessionError::Internal("the session failed; it is back as it was stored".to_owned())
         })
     }

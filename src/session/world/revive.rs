@@ -11,7 +11,7 @@ use tracing::{error, info, warn};
 use crate::engine::frame::EngineError;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
-use crate::session::journal::{Log, Replay, Stored};
+use crate::session::journal::{Log, Replay, Stored, Submission};
 use crate::session::orders::Orders;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
@@ -26,8 +26,6 @@ const WAVE: u64 = 16 << 20;
 pub(super) struct Revival {
     session: Arc<Session>,
     stored: Stored,
-    /// Tick that it had reached.
-    until: u64,
     /// The server has just been started: the mirror knows no heights.
     at_start: bool,
     /// Reads that wait for it.
@@ -36,14 +34,19 @@ pub(super) struct Revival {
 
 impl Revival {
     /// Of a session that was stored when the server was started.
-    pub fn at_start(session: Arc<Session>, stored: Stored, until: u64) -> Revival {
-        Revival { session, stored, until, at_start: true, reads: Orders::default() }
+    pub fn at_start(session: Arc<Session>, stored: Stored) -> Revival {
+        Revival { session, stored, at_start: true, reads: Orders::default() }
     }
 
-    /// Of a session that has lost its memory on the device, at least up to a tick.
-    pub fn anew(session: Arc<Session>, stored: Stored, until: u64) -> Revival {
-        let until = until.max(stored.mark.tick);
-        Revival { session, stored, until, at_start: false, reads: Orders::default() }
+    /// Of a session that has lost its memory on the device.
+    pub fn anew(session: Arc<Session>, stored: Stored) -> Revival {
+        Revival { session, stored, at_start: false, reads: Orders::default() }
+    }
+
+    /// How far it has come, for the journal: its time stands still from there.
+    pub fn mark(&self) -> Submission {
+        let Stored { generation, mark, .. } = &self.stored;
+        Submission::of_mark(self.session.key, *generation, mark.clone())
     }
 
     /// With reads that wait for it.
@@ -60,6 +63,13 @@ impl Engine {
     pub(super) fn bring_back(&mut self) -> Result<(), EngineError> {
         let (count, began) = (self.comebacks.len(), Instant::now());
         let mut done = 0;
+        if !self.vitals.is_recovered() {
+            // Seqs that anybody is told from here on are never given out again, nor is the time
+            // since the last heartbeat ever counted.
+            self.comebacks.values().for_each(|revival| self.journal.add(revival.mark()));
+            self.journal.beat(self.frame);
+            self.journal.flush();
+        }
         while !self.comebacks.is_empty() {
             let wave = self.next_wave();
             let sessions: Vec<Arc<Session>> =
@@ -76,8 +86,6 @@ impl Engine {
             }
         }
         if !self.vitals.recovered.load(Ordering::Relaxed) {
-            self.mark_all();
-            self.journal.flush();
             self.vitals.store.recovered(began.elapsed());
             self.vitals.recovered.store(true, Ordering::Release);
             // That was no lag: nobody's time passed.
@@ -151,9 +159,9 @@ impl Engine {
         revival: Revival,
         snapshot: Option<Snapshot>,
     ) -> Result<bool, EngineError> {
-        let Revival { session, stored, until, at_start, reads } = revival;
+        let mark = revival.mark();
+        let Revival { session, stored, at_start, reads } = revival;
         let (key, slot) = (session.key, self.slots.take());
-        self.rounds.insert(key);
         match self.backend.create(slot, &Simulation::layout(&session.spec)) {
             Ok(()) => {}
             Err(EngineError::OutOfMemory(why)) => {
@@ -163,6 +171,8 @@ impl Engine {
                 reads.refuse(&SessionError::OutOfMemory(why));
                 self.hibernating.insert(key, session);
                 self.count_hibernating();
+                self.journal.add(mark);
+                self.schedule(key);
                 return Ok(false);
             }
             Err(failure) => return Err(failure),
@@ -179,7 +189,7 @@ impl Engine {
         self.simulations.insert(key, simulation);
         self.simulations.set_active(key, true);
         self.guard(key, |simulation| {
-            simulation.begin_replay(snapshot.as_ref(), Replay::new(&stored, until, at_start));
+            simulation.begin_replay(snapshot.as_ref(), Replay::new(&stored, at_start));
             simulation.waiting_reads = reads;
         });
         Ok(true)

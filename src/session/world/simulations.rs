@@ -13,6 +13,8 @@ pub(super) struct Simulations {
     all: Vec<Option<Box<Simulation>>>,
     free: BTreeSet<usize>,
     active: BTreeSet<usize>,
+    /// Those whose marks say that they are at rest.
+    at_rest: BTreeSet<usize>,
 }
 
 impl Simulations {
@@ -41,6 +43,7 @@ impl Simulations {
     pub fn remove(&mut self, key: &u64) -> Option<Box<Simulation>> {
         let place = self.places.remove(key)?;
         self.active.remove(&place);
+        self.at_rest.remove(&place);
         self.free.insert(place);
         self.all[place].take()
     }
@@ -48,11 +51,26 @@ impl Simulations {
     /// Says whether a simulation wants to be in the coming frames.
     pub fn set_active(&mut self, key: u64, active: bool) {
         let Some(&place) = self.places.get(&key) else { return };
-        if active {
-            self.active.insert(place);
-        } else {
-            self.active.remove(&place);
-        }
+        set(&mut self.active, place, active);
+    }
+
+    /// Says whether a simulation's mark says that it is at rest.
+    pub fn set_at_rest(&mut self, key: u64, at_rest: bool) {
+        let Some(&place) = self.places.get(&key) else { return };
+        set(&mut self.at_rest, place, at_rest);
+    }
+
+    /// Whether any mark says so.
+    pub fn is_any_at_rest(&self) -> bool {
+        !self.at_rest.is_empty()
+    }
+
+    /// Keys of those that want to be in the coming frames and whose turn it is in this one: each is
+    /// once in a round of so many frames.
+    pub fn active_in_turn(&self, frame: u64, round: u64) -> Vec<u64> {
+        let turn = |place: &&usize| **place as u64 % round == frame % round;
+        let key = |&place: &usize| Some(self.all[place].as_ref()?.session.key);
+        self.active.iter().filter(turn).filter_map(key).collect()
     }
 
     /// All that want to be in the coming frames.
@@ -74,6 +92,11 @@ impl Simulations {
         active.into_iter().filter_map(key).collect()
     }
 
+    /// Keys of all of them.
+    pub fn keys(&self) -> Vec<u64> {
+        self.places.keys().copied().collect()
+    }
+
     /// All of them, with their keys.
     pub fn iter_mut(&mut self) -> impl Iterator<Item = (u64, &mut Simulation)> {
         self.all.iter_mut().flatten().map(|simulation| (simulation.session.key, &mut **simulation))
@@ -82,5 +105,13 @@ impl Simulations {
     /// All of them, with their keys.
     pub fn into_iter(self) -> impl Iterator<Item = (u64, Box<Simulation>)> {
         self.all.into_iter().flatten().map(|simulation| (simulation.session.key, simulation))
+    }
+}
+
+fn set(places: &mut BTreeSet<usize>, place: usize, there: bool) {
+    if there {
+        places.insert(place);
+    } else {
+        places.remove(&place);
     }
 }

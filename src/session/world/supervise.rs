@@ -82,17 +82,16 @@ impl Engine {
         self.slots = Default::default();
         self.checkpointing = None;
         self.reviving = false;
-        for (key, simulation) in std::mem::take(&mut self.simulations).into_iter() {
+        for (key, mut simulation) in std::mem::take(&mut self.simulations).into_iter() {
             let session = simulation.session.clone();
-            let until = simulation.until();
+            let until = simulation.until(self.frame);
             simulation.refuse_all(&why);
             if self.comebacks.contains_key(&key) {
                 continue;
             }
-            match self.journal.new_life(key) {
+            match self.journal.new_life(key, until) {
                 Some(stored) => {
-                    let revival = Revival::anew(session, stored, until);
-                    self.comebacks.insert(key, revival);
+                    self.comebacks.insert(key, Revival::anew(session, stored));
                 }
                 // It was still being made.
                 None => self.forget(key, &session),

@@ -1,6 +1,5 @@
 //! What sessions need from time to time: marks, checkpoints, hibernation, and an end.
 
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -11,15 +10,23 @@ use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::{Feedback, Left, Record, Submission};
 use crate::session::orders::Answer;
+use crate::session::view::Settings;
 
 use super::engine::Engine;
 use super::revive::Revival;
+
+/// Sessions of which it is found out in one frame whether they are to be deleted.
+const MOST_ENDS: usize = 256;
+
+/// Time between two attempts to delete a session that nobody wants.
+const RETRY: Duration = Duration::from_secs(1);
 
 /// Cells of which checkpoints are made in one frame when the server stops.
 const LAST_CHECKPOINTS: u64 = 4 << 20;
 
 impl Engine {
-    /// Looks after the sessions whose turn it is in this frame.
+    /// Does what is due in this frame. Sessions of which nothing is due are not looked at: there may
+    /// be thousands of them.
     ///
     /// # Errors
     /// Those of the backend, where sessions that panicked are brought back.
@@ -32,51 +39,84 @@ impl Engine {
             return Ok(());
         }
         self.looked_after = self.frame;
-        for key in self.rounds.due(self.frame) {
-            self.look_after(key);
+        self.mark_some();
+        let now = Instant::now();
+        for _ in 0..MOST_ENDS {
+            let Some(key) = self.ends.pop_due(now) else { break };
+            self.end(key, now);
+        }
+        // One checkpoint at a time, and none while it could not be stored.
+        while self.checkpointing.is_none()
+            && self.journal.refusal().is_none()
+            && let Some(key) = self.saves.pop_due(now)
+        {
+            self.save(key);
         }
         self.journal.send();
         Ok(())
     }
 
-    fn look_after(&mut self, key: u64) {
+    /// Notes when a session is to be looked at next.
+    pub(super) fn schedule(&mut self, key: u64) {
+        let interval = self.checkpoint_interval;
+        let now = Instant::now();
+        if let Some(simulation) = self.simulations.get(&key) {
+            let Settings { delete_after_s, idle_timeout_s, .. } = simulation.settings;
+            let idle = simulation.session.idle_for();
+            let tired = after(now, idle_timeout_s, idle);
+            let due = simulation.log.checkpoint_due(interval);
+            self.ends.set(key, after(now, delete_after_s, idle));
+            self.saves.set(key, [tired, due].into_iter().flatten().min());
+        } else if let Some(session) = self.hibernating.get(&key) {
+            let kept = session.mirror().settings.delete_after_s;
+            self.ends.set(key, after(now, kept, session.idle_for()));
+        }
+    }
+
+    /// Deletes a session, where nobody has wanted it for so long.
+    fn end(&mut self, key: u64, now: Instant) {
+        let (session, kept) = match self.simulations.get(&key) {
+            Some(simulation) => (&simulation.session, simulation.settings.delete_after_s),
+            None => match self.hibernating.get(&key) {
+                Some(session) => (session, session.mirror().settings.delete_after_s),
+                None => return,
+            },
+        };
         if self.leaving.contains_key(&key) {
             return;
         }
-        // Thousands may be at rest: what is looked at here is little, and near.
-        let (frame, durable) = (self.frame, self.journal.durable);
-        let Some(simulation) = self.simulations.get_mut(&key) else {
-            let Some(session) = self.hibernating.get(&key) else { return };
-            let kept = session.mirror().settings.delete_after_s;
-            if is_forsaken(session, kept, idle_time(session)) {
-                self.delete(key, None);
-            }
-            return;
-        };
-        let settings = simulation.settings;
-        let idle = idle_time(&simulation.session);
-        if is_forsaken(&simulation.session, settings.delete_after_s, idle) {
+        let forsaken = kept.is_some_and(|kept| session.idle_for() >= kept);
+        if !forsaken {
+            self.schedule(key);
+        } else if self.journal.refusal().is_some() {
+            self.ends.set(key, now.checked_add(RETRY));
+        } else {
+            info!(session = session.id, "deleted: nobody has asked for it");
             self.delete(key, None);
+        }
+    }
+
+    /// Begins a checkpoint of a session, where one is due or nobody has wanted it for so long that it
+    /// hibernates.
+    fn save(&mut self, key: u64) {
+        let (frame, interval) = (self.frame, self.checkpoint_interval);
+        let Some(simulation) = self.simulations.get_mut(&key) else { return };
+        // Either is looked at again when that ends.
+        if simulation.step.is_some() || simulation.frozen || self.leaving.contains_key(&key) {
             return;
         }
-        if durable && !simulation.frozen {
-            simulation.catch_up(frame);
-            let (tick, seq) = (simulation.clock.tick(), simulation.session.mirror().seq);
-            if let Some(mark) = simulation.log.take_mark(key, tick, seq) {
-                self.journal.add(mark);
-            }
-        }
-        let free = self.checkpointing.is_none() && self.journal.refusal().is_none();
-        if !free || simulation.step.is_some() || simulation.frozen {
+        let idle = simulation.session.idle_for();
+        let tired = simulation.settings.idle_timeout_s.is_some_and(|timeout| idle >= timeout);
+        let due = simulation.log.checkpoint_due(interval);
+        if !tired && due.is_none_or(|due| due > Instant::now()) {
+            self.schedule(key);
             return;
         }
-        let tired = settings.idle_timeout_s.is_some_and(|timeout| idle > timeout);
-        if tired || simulation.log.wants_checkpoint(self.checkpoint_interval) {
-            simulation.frozen = tired;
-            simulation.next.checkpoint = true;
-            self.checkpointing = Some(key);
-            self.simulations.set_active(key, true);
-        }
+        simulation.catch_up(frame);
+        simulation.frozen = tired;
+        simulation.next.checkpoint = true;
+        self.checkpointing = Some(key);
+        self.simulations.set_active(key, true);
     }
 
     /// Hands what a frame has left of a session to the journal.
@@ -124,11 +164,11 @@ impl Engine {
             }
             let session = simulation.session.clone();
             let reads = simulation.next.take_reads();
-            let until = simulation.until();
+            let until = simulation.until(self.frame);
             simulation.refuse_all(&why);
-            match self.journal.new_life(key) {
+            match self.journal.new_life(key, until) {
                 Some(stored) => {
-                    let revival = Revival::anew(session, stored, until).with(reads);
+                    let revival = Revival::anew(session, stored).with(reads);
                     self.comebacks.insert(key, revival);
                 }
                 None => {
@@ -152,14 +192,13 @@ impl Engine {
         if !stored {
             simulation.log.outdate();
         }
-        if simulation.frozen {
-            if stored && !simulation.has_orders() && simulation.log.is_covered() {
-                self.hibernate(key);
-            } else {
-                simulation.thaw(frame);
-                self.review(key);
-            }
+        if simulation.frozen && stored && !simulation.has_orders() && simulation.log.is_covered() {
+            self.hibernate(key);
+        } else if simulation.frozen {
+            simulation.thaw(frame);
+            self.review(key);
         }
+        self.schedule(key);
     }
 
     /// Frees the memory of a session whose checkpoint is its state.
@@ -194,12 +233,12 @@ impl Engine {
         }
         let Some(session) = self.hibernating.remove(&key) else { return Ok(()) };
         self.count_hibernating();
-        let Some(stored) = self.journal.new_life(key) else {
+        let Some(stored) = self.journal.new_life(key, 0) else {
             self.forget(key, &session);
             return Ok(());
         };
         debug!(session = session.id, "wakes");
-        self.comebacks.insert(key, Revival::anew(session, stored, 0));
+        self.comebacks.insert(key, Revival::anew(session, stored));
         self.bring_back()
     }
 
@@ -230,6 +269,7 @@ impl Engine {
                 self.remove(key, &SessionError::NotFound { kind: "session", id });
             }
         }
+        self.schedule(key);
         for reply in waiting {
             // Whoever has gone away needs no answer.
             drop(reply.send(result.clone()));
@@ -242,22 +282,10 @@ impl Engine {
 
     /// Notes that a session is no more.
     pub(super) fn forget(&mut self, key: u64, session: &Session) {
-        self.rounds.remove(key);
+        self.ends.remove(key);
+        self.saves.remove(key);
         self.names.remove(&session.id);
         session.gone.cancel();
-    }
-
-    /// Marks how far all sessions have come.
-    pub(super) fn mark_all(&mut self) {
-        let frame = self.frame;
-        for (key, simulation) in self.simulations.iter_mut() {
-            simulation.catch_up(frame);
-            let (tick, seq) = (simulation.clock.tick(), simulation.session.mirror().seq);
-            if let Some(mark) = simulation.log.take_mark(key, tick, seq) {
-                self.journal.add(mark);
-            }
-        }
-        self.journal.send();
     }
 
     /// Writes the last checkpoints and marks, where it was told to stop.
@@ -265,6 +293,7 @@ impl Engine {
         let Some(deadline) = self.stop.filter(|_| self.journal.durable) else { return };
         let began = Instant::now();
         let frame = self.frame;
+        self.mark_all();
         let mut left = Vec::new();
         for (key, simulation) in self.simulations.iter_mut() {
             simulation.catch_up(frame);
@@ -303,25 +332,13 @@ impl Engine {
                 None => {}
             }
         }
-        self.mark_all();
         info!("{} of {count} last checkpoints after {:.1?}", count - left.len(), began.elapsed());
     }
 }
 
-/// Seconds since anybody wanted a session.
-fn idle_time(session: &Arc<Session>) -> f64 {
-    // A request under way and a stream hold the session as well as we and its name do.
-    if Arc::strong_count(session) > 2 {
-        session.touch();
-    }
-    session.idle_for()
-}
-
-/// Whether a session is to be deleted because nobody has wanted it for so long.
-fn is_forsaken(session: &Session, kept_s: Option<f64>, idle_s: f64) -> bool {
-    let forsaken = kept_s.is_some_and(|kept| idle_s > kept);
-    if forsaken {
-        info!(session = session.id, "deleted: nobody has asked for it");
-    }
-    forsaken
+/// When something is due that is to be some time after somebody was last with a session, who has
+/// been away for some time.
+fn after(now: Instant, limit_s: Option<f64>, idle_s: f64) -> Option<Instant> {
+    // A time that is too long to be told never comes.
+    now.checked_add(Duration::try_from_secs_f64((limit_s? - idle_s).max(0.0)).ok()?)
 }
