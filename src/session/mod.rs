@@ -14,6 +14,7 @@ mod mirror;
 mod once;
 mod orders;
 mod pace;
+mod portion;
 mod probe;
 mod publish;
 mod registry;

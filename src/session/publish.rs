@@ -24,6 +24,7 @@ impl Simulation {
         outcome: WorkOutcome,
         tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
     ) {
+        let Some(outcome) = self.portions.take_in(outcome) else { return };
         self.enter_ledger(&outcome.edits);
         let was_settled = self.is_settled();
         self.conclude_run(outcome.last_change);

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::engine::frame::{Deposit, Edit, Layout, Run, Slot, Work};
 use crate::snow::{CELL, ColumnRect, Contact, MASS_QUANTA, Material, Position, Shape};
@@ -15,6 +15,7 @@ use super::gather::Ledger;
 use super::handle::Session;
 use super::journal::{Event, Log, Replay};
 use super::orders::{Answer, Flight, Orders, Reply, ReplyKind, refuse};
+use super::portion::Portions;
 use super::snapshot::Snapshot;
 use super::spec::SessionSpec;
 use super::step::{Goal, StepJob};
@@ -44,8 +45,10 @@ pub struct Simulation {
     pub(super) unpublished: bool,
     /// What the next frame has to do.
     pub(super) next: Orders,
-    /// What the frame in flight does.
+    /// What the run under way does.
     pub(super) flight: Flight,
+    /// How runs are parted into frames.
+    pub(super) portions: Portions,
     pub(super) step: Option<StepJob>,
     /// What is still to be handed to the journal.
     pub(super) log: Log,
@@ -69,6 +72,22 @@ pub(super) struct Collider {
     pub contact: Contact,
 }
 
+/// A frame, as it is offered to every session.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turn<'a> {
+    /// Number of the beat.
+    pub frame: u64,
+    /// Whether publications are due that nobody asked for.
+    pub publish: bool,
+    /// Whether a snowpack at rest may be left alone.
+    pub sleep: bool,
+    /// Cells of the fixed grid that the frame still has room for; what finds none waits for the
+    /// next.
+    pub samples: &'a AtomicU64,
+    /// Time by which ticks have slipped \[µs\].
+    pub slipped_us: &'a AtomicU64,
+}
+
 impl Simulation {
     /// A new session without snow.
     pub(super) fn new(session: Arc<Session>, slot: Slot, frame: u64, log: Log) -> Simulation {
@@ -89,6 +108,7 @@ impl Simulation {
             unpublished: true,
             next: Orders::default(),
             flight: Flight::default(),
+            portions: Portions::default(),
             step: None,
             log,
             replay: None,
@@ -241,7 +261,10 @@ impl Simulation {
 
     /// Whether somebody waits for a frame.
     pub(super) fn has_orders(&self) -> bool {
-        self.step.is_some() || self.owed > 0 || self.next.are_urgent()
+        self.portions.are_under_way()
+            || self.step.is_some()
+            || self.owed > 0
+            || self.next.are_urgent()
     }
 
     /// Lets the time up to a frame pass, where nothing happens in it: a pause has no ticks, and in
@@ -256,35 +279,30 @@ impl Simulation {
     }
 
     /// What this session does in a frame; `None` for nothing.
-    ///
-    /// `publish` says whether publications are due that nobody asked for, `sleep` whether a
-    /// snowpack at rest may be left alone, `samples` how many cells of the fixed grid the frame
-    /// still has room for; what finds none waits for the next.
-    pub(super) fn plan(
-        &mut self,
-        frame: u64,
-        publish: bool,
-        sleep: bool,
-        samples: &AtomicU64,
-    ) -> Option<Work> {
+    pub(super) fn plan(&mut self, turn: Turn) -> Option<Work> {
+        if self.portions.are_under_way() {
+            self.slip(turn);
+            self.flight.publish |= turn.publish && self.replay.is_none();
+            return self.portions.go_on(self.flight.publish, turn.samples);
+        }
         let clock_before = self.clock;
-        let mut advance = self.take_ticks(frame);
+        let mut advance = self.take_ticks(turn.frame);
         if advance.run.cycles > 0 {
             if self.last_dt != Some(advance.run.dt) {
                 self.wake();
                 self.last_dt = Some(advance.run.dt);
             }
-            if self.still && sleep {
+            if self.still && turn.sleep {
                 advance.run = Run::default();
             }
         }
         let run = advance.run;
         self.unpublished |= advance.ticks > 0 || self.has_orders();
         let mut orders = std::mem::take(&mut self.next);
-        self.next.samples = orders.hold_back_samples(samples);
+        self.next.samples = orders.hold_back_samples(turn.samples);
         let publish = match &self.replay {
             Some(replay) => replay.publishes(),
-            None => orders.want_answers() || (publish && self.unpublished),
+            None => orders.want_answers() || (turn.publish && self.unpublished),
         };
         if !publish && run.cycles == 0 && orders.edits.is_empty() {
             self.next.wake |= orders.wake;
@@ -304,7 +322,17 @@ impl Simulation {
             gather: self.gather(&orders),
         };
         self.flight = Flight { orders, advance, clock_before: Some(clock_before), publish };
-        Some(work)
+        Some(self.portions.begin(work))
+    }
+
+    /// Lets the ticks slip that fall while a run is under way: they don't pile up.
+    fn slip(&mut self, turn: Turn) {
+        if self.step.is_none() && self.replay.is_none() && !self.settings.paused && !self.frozen {
+            let ticks = self.clock.ticks_between(self.frame, turn.frame);
+            let lag_us = ticks as f64 * 1e6 / self.clock.tick_rate();
+            turn.slipped_us.fetch_add(lag_us as u64, Ordering::Relaxed);
+        }
+        self.frame = turn.frame;
     }
 
     /// Tiles that are wanted: those of each request, and all of them for snapshots.
@@ -358,10 +386,13 @@ impl Simulation {
             return;
         }
         let settled_after = flight.advance.settled_after(last_change);
-        self.settled = settled_after.is_some();
-        self.still = settled_after.is_some() && !self.next.wake && self.next.edits.is_empty();
+        // What has arrived while the run was under way comes after it.
+        let disturbed = !self.next.edits.is_empty();
+        self.settled = settled_after.is_some() && !disturbed;
+        self.still = self.settled && !self.next.wake;
         let mut ticks = flight.advance.ticks;
-        let waits = self.step.as_ref().is_some_and(|job| matches!(job.goal, Goal::Settled(_)));
+        let waits = self.step.as_ref().is_some_and(|job| matches!(job.goal, Goal::Settled(_)))
+            && !self.next.changed;
         if let (true, true, Some(reached), Some(mut clock)) =
             (waits, self.is_settled(), settled_after, flight.clock_before)
         {

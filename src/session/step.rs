@@ -6,6 +6,7 @@ use super::change::StepSpec;
 use super::clock::Clock;
 use super::error::{Check, SessionError};
 use super::orders::{Answer, Reply};
+use super::portion::FRAME_TIME;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 
@@ -14,9 +15,6 @@ const MOST_TICKS: u64 = 1_000_000;
 
 /// Cycles of the first slice.
 const FIRST_SLICE: u32 = 8;
-
-/// Shortest and longest time a frame with a slice should take: others wait no longer than two.
-const SLICE_TIME: (Duration, Duration) = (Duration::from_millis(5), Duration::from_millis(11));
 
 /// A step under way.
 #[derive(Debug)]
@@ -105,9 +103,9 @@ impl StepJob {
 
     /// Fits the next slice to the time that a frame with the last one took.
     pub fn fit(&mut self, frame: Duration) {
-        if frame < SLICE_TIME.0 {
+        if frame < FRAME_TIME.0 {
             self.slice = self.slice.saturating_mul(2);
-        } else if frame > SLICE_TIME.1 {
+        } else if frame > FRAME_TIME.1 {
             self.slice = (self.slice / 2).max(1);
         }
     }

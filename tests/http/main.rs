@@ -11,6 +11,7 @@ mod isolation;
 mod limits;
 mod metrics;
 mod origin;
+mod portions;
 mod probes;
 mod profile;
 mod render;

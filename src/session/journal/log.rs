@@ -196,8 +196,11 @@ impl Left {
 }
 
 impl Simulation {
-    /// What the last frame has left for the journal.
+    /// What the last frame has left for the journal: nothing in the middle of a run.
     pub(in crate::session) fn leave(&mut self) -> Left {
+        if self.portions.are_under_way() {
+            return Left { submission: None, checkpoint: None };
+        }
         let ran = self.flight.advance.run.cycles > 0;
         let submission = self.log.has_news(ran).then(|| {
             let progress = self.progress();

@@ -92,7 +92,7 @@ impl Simulation {
     /// the snow, frames are repeated one by one. Without them, edits of one tick may share one.
     pub(in crate::session) fn feed_replay(&mut self) {
         let Some(mut replay) = self.replay.take() else { return };
-        if replay.restores {
+        if replay.restores || self.portions.are_under_way() {
             self.replay = Some(replay);
             return;
         }
@@ -131,6 +131,9 @@ impl Simulation {
 
     /// Notes that a frame of the replay is done. Returns whether it was the last.
     pub(in crate::session) fn advance_replay(&mut self, took: Duration) -> bool {
+        if self.portions.are_under_way() {
+            return false;
+        }
         let Some(replay) = &mut self.replay else { return true };
         if !std::mem::take(&mut replay.restores) {
             replay.fit(took);

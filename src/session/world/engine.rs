@@ -20,7 +20,7 @@ use crate::session::message::Message;
 use crate::session::orders::Answer;
 use crate::session::pace::Pace;
 use crate::session::registry::Names;
-use crate::session::simulation::Simulation;
+use crate::session::simulation::{Simulation, Turn};
 use crate::session::vitals::{FrameTime, Vitals};
 
 use super::deadlines::Deadlines;
@@ -156,14 +156,17 @@ impl Engine {
     /// Submits one frame for everybody who has something to do, concludes it, and says what it
     /// took.
     pub(super) fn carry_out_frame(&mut self, publish: bool) -> Result<FrameTime, EngineError> {
-        let (number, sleep) = (self.frame, self.config.sleep);
         self.busy = false;
-        let room = AtomicU64::new(MOST_SAMPLES);
         let mut lap = Lap(Instant::now());
+        let turn = Turn {
+            frame: self.frame,
+            publish,
+            sleep: self.config.sleep,
+            samples: &AtomicU64::new(MOST_SAMPLES),
+            slipped_us: &self.vitals.slipped_us,
+        };
         let Planned { work, part, mut idle, mut failed } =
-            plan(&mut self.simulations, |simulation| {
-                simulation.plan(number, publish, sleep, &room)
-            });
+            plan(&mut self.simulations, |simulation| simulation.plan(turn));
         let mut time = FrameTime { sessions: part.len() as u32, ..FrameTime::default() };
         time.parts.planning = lap.next();
         if !part.is_empty() {
@@ -301,6 +304,7 @@ fn conclude(
             if let Some(job) = &mut simulation.step {
                 job.fit(took);
             }
+            simulation.portions.fit(took);
             let tiles = published.tiles(work.tiles.clone());
             simulation.conclude(work, tiles);
             simulation.leave()

@@ -302,6 +302,7 @@ impl Engine {
                 left.push(key);
             }
         }
+        self.end_runs(deadline);
         let count = left.len();
         let mut missing = 0;
         while !left.is_empty() && Instant::now() < deadline {
@@ -333,6 +334,19 @@ impl Engine {
             }
         }
         info!("{} of {count} last checkpoints after {:.1?}", count - left.len(), began.elapsed());
+    }
+
+    /// Lets the runs that are under way come to their end; nobody begins another.
+    fn end_runs(&mut self, deadline: Instant) {
+        let under_way = |engine: &mut Engine| {
+            engine.simulations.iter_mut().any(|(_, simulation)| simulation.portions.are_under_way())
+        };
+        while under_way(self) && Instant::now() < deadline {
+            if let Err(failure) = self.carry_out_frame(false) {
+                tracing::warn!("runs were not ended: {failure}");
+                return;
+            }
+        }
     }
 }
 

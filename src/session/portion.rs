@@ -1,0 +1,216 @@
+//! A run of more cycles than one frame should have, carried out in portions.
+//!
+//! A tick may have thousands of cycles. Nobody else waits for all of them: other snowpacks have
+//! their frames in between. The snowpack itself is between two ticks only when the last portion is
+//! done; until then its orders wait, and nothing of it is published.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use crate::engine::frame::{Run, SampleBox, Work, WorkOutcome};
+
+/// Shortest and longest time that a frame with a portion should take: others wait no longer than
+/// two.
+pub(super) const FRAME_TIME: (Duration, Duration) =
+    (Duration::from_millis(5), Duration::from_millis(11));
+
+/// Cycles of a snowpack's first portion.
+const FIRST: u32 = 64;
+
+/// Cycles that are never parted.
+const LEAST: u32 = 8;
+
+/// How a snowpack's runs are parted, and the one that is under way.
+#[derive(Debug)]
+pub(super) struct Portions {
+    /// Most cycles in one frame.
+    size: u32,
+    /// Cycles in the newest frame.
+    cycles: u32,
+    under_way: Option<UnderWay>,
+}
+
+/// A run of which some frames are done.
+#[derive(Debug)]
+struct UnderWay {
+    /// What is still to be done, and what is wanted at the end.
+    rest: Work,
+    /// Cycles before those of the frame in flight.
+    done: u32,
+    /// 1 + index of the last of these in which a cell changed; 0 for none.
+    last_change: u32,
+    /// What the edits before the first cycle did.
+    edits: Vec<u64>,
+}
+
+impl Default for Portions {
+    fn default() -> Self {
+        Portions { size: FIRST, cycles: 0, under_way: None }
+    }
+}
+
+impl Portions {
+    /// Whether a run has begun and not ended.
+    pub fn are_under_way(&self) -> bool {
+        self.under_way.is_some()
+    }
+
+    /// Begins with some work. Returns the part of it that goes into the coming frame.
+    pub fn begin(&mut self, mut work: Work) -> Work {
+        self.cycles = work.run.cycles.min(self.size);
+        if work.run.cycles <= self.size {
+            return work;
+        }
+        let edits = std::mem::take(&mut work.edits);
+        let wake = std::mem::take(&mut work.wake);
+        let first = Work { edits, wake, ..self.part_of(&mut work) };
+        let rest = UnderWay { rest: work, done: 0, last_change: 0, edits: Vec::new() };
+        self.under_way = Some(rest);
+        first
+    }
+
+    /// Goes on with the run that is under way, of which the end is published or not. Returns what
+    /// goes into the coming frame: nothing where `room` is too small for the cells of the fixed grid
+    /// that are wanted at the end.
+    pub fn go_on(&mut self, publish: bool, room: &AtomicU64) -> Option<Work> {
+        let mut under_way = self.under_way.take()?;
+        let rest = &mut under_way.rest;
+        rest.publish = publish;
+        let work = if rest.run.cycles > self.size {
+            Some(self.part_of(rest))
+        } else {
+            let wanted = rest.samples.iter().map(SampleBox::cells).sum();
+            let left = |room: u64| room.checked_sub(wanted);
+            let fits = room.try_update(Ordering::Relaxed, Ordering::Relaxed, left).is_ok();
+            fits.then(|| std::mem::take(rest))
+        };
+        self.cycles = work.as_ref().map_or(0, |work| work.run.cycles);
+        self.under_way = Some(under_way);
+        work
+    }
+
+    /// Takes the next portion off a run.
+    fn part_of(&self, work: &mut Work) -> Work {
+        work.run.cycles -= self.size;
+        let run = Run { cycles: self.size, dt: work.run.dt };
+        Work { slot: work.slot, run, ..Work::default() }
+    }
+
+    /// Takes in the outcome of a frame. Returns that of the whole, where this was the end of it.
+    pub fn take_in(&mut self, outcome: WorkOutcome) -> Option<WorkOutcome> {
+        let Some(mut under_way) = self.under_way.take() else { return Some(outcome) };
+        if outcome.last_change > 0 {
+            under_way.last_change = under_way.done + outcome.last_change;
+        }
+        under_way.done += self.cycles;
+        under_way.edits.extend(&outcome.edits);
+        if under_way.rest.run.cycles > 0 {
+            self.under_way = Some(under_way);
+            return None;
+        }
+        let UnderWay { last_change, edits, .. } = under_way;
+        Some(WorkOutcome { last_change, edits, ..outcome })
+    }
+
+    /// Fits the size to the time that the newest frame took.
+    pub fn fit(&mut self, frame: Duration) {
+        if self.cycles <= LEAST {
+            return;
+        }
+        if frame > FRAME_TIME.1 {
+            self.size = (self.cycles / 2).max(LEAST);
+        } else if frame < FRAME_TIME.0 && self.cycles == self.size {
+            self.size = self.size.saturating_mul(2);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::frame::Edit;
+
+    const ROOM: u64 = 1000;
+
+    fn work(cycles: u32) -> Work {
+        let edits = vec![Edit::RemoveCollider { id: "a".into() }];
+        Work {
+            slot: 7,
+            edits,
+            wake: true,
+            run: Run { cycles, dt: 0.25 },
+            publish: true,
+            gather: vec![3],
+            ..Work::default()
+        }
+    }
+
+    #[test]
+    fn what_is_short_goes_as_it_is() {
+        let mut portions = Portions::default();
+        let whole = portions.begin(work(FIRST));
+        assert_eq!((whole.run.cycles, whole.edits.len(), whole.publish), (FIRST, 1, true));
+        assert!(!portions.are_under_way());
+        let outcome = WorkOutcome { last_change: 5, edits: vec![9], ..WorkOutcome::default() };
+        let outcome = portions.take_in(outcome).unwrap();
+        assert_eq!((outcome.last_change, outcome.edits), (5, vec![9]));
+    }
+
+    #[test]
+    fn portions_are_one_run() {
+        let (mut portions, room) = (Portions::default(), AtomicU64::new(ROOM));
+        let mut next = Some(portions.begin(work(1000)));
+        let (mut cycles, mut frames) = (0, 0);
+        let outcome = loop {
+            let part = next.take().expect("there is room");
+            let last = cycles + part.run.cycles == 1000;
+            assert_eq!((part.slot, part.run.dt), (7, 0.25));
+            assert_eq!((part.edits.len(), part.wake), (usize::from(frames == 0), frames == 0));
+            assert_eq!((part.publish, part.gather.len()), (last, usize::from(last)));
+            // A cell changes in cycle 700 and in none after.
+            let last_change = if cycles < 700 { part.run.cycles.min(700 - cycles) } else { 0 };
+            let edits = if frames == 0 { vec![4] } else { Vec::new() };
+            cycles += part.run.cycles;
+            frames += 1;
+            let outcome = WorkOutcome { last_change, edits, ..WorkOutcome::default() };
+            if let Some(whole) = portions.take_in(outcome) {
+                break whole;
+            }
+            assert!(portions.are_under_way());
+            portions.fit(Duration::from_millis(if frames < 3 { 1 } else { 7 }));
+            next = portions.go_on(true, &room);
+        };
+        assert_eq!((cycles, frames), (1000, 6), "64, 128, 256, 256, 256 and what is left");
+        assert_eq!((outcome.last_change, outcome.edits), (700, vec![4]));
+        assert!(!portions.are_under_way());
+    }
+
+    #[test]
+    fn slow_frames_make_small_portions_but_not_too_small() {
+        let mut portions = Portions::default();
+        for (frame, size) in [(50, 32), (12, 16), (90, 8), (90, 8), (6, 8)] {
+            portions.begin(work(5000));
+            portions.under_way = None;
+            portions.fit(Duration::from_millis(frame));
+            assert_eq!(portions.size, size);
+        }
+        portions.begin(work(1));
+        portions.fit(Duration::from_millis(1));
+        assert_eq!(portions.size, 8, "a run that was not parted says nothing");
+    }
+
+    #[test]
+    fn the_end_waits_for_room() {
+        let mut portions = Portions::default();
+        let columns = crate::snow::ColumnRect { x0: 0, z0: 0, x1: 10, z1: 10 };
+        let wanted = SampleBox { columns, y0: 0, height: 10, dt: 0.1 };
+        portions.begin(Work { samples: vec![wanted], ..work(100) });
+        assert!(portions.take_in(WorkOutcome::default()).is_none());
+        assert!(portions.go_on(true, &AtomicU64::new(ROOM - 1)).is_none());
+        assert!(portions.are_under_way());
+        let room = AtomicU64::new(ROOM);
+        assert_eq!(portions.go_on(true, &room).unwrap().run.cycles, 36);
+        assert_eq!(room.into_inner(), 0);
+        assert!(portions.take_in(WorkOutcome::default()).is_some());
+    }
+}
