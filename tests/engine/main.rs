@@ -9,3 +9,4 @@ mod sleep;
 mod support;
 mod times;
 mod track;
+mod weather;
