@@ -3,21 +3,21 @@
 // go in registers. A tile in which the last cycle changed no quantum goes to rest. The twin of
 // Compaction in src/snow/column.rs.
 
-@group(0) @binding(0) var<uniform> work: Pass;
-@group(0) @binding(1) var<storage, read> sessions: array<Session>;
-@group(0) @binding(2) var<storage, read> runs: array<Run>;
-@group(0) @binding(3) var<storage, read> tiles: array<Tile>;
-@group(0) @binding(4) var<storage, read_write> states: array<atomic<u32>>;
+var<immediate> work: Pass;
+@group(0) @binding(0) var<storage, read> sessions: array<Session>;
+@group(0) @binding(1) var<storage, read> runs: array<Run>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read_write> states: array<atomic<u32>>;
 // Four columns at a time, as the cells.
-@group(0) @binding(5) var<storage, read> filled: array<vec4<u32>>;
-@group(0) @binding(6) var<storage, read_write> heights: array<u32>;
-@group(0) @binding(7) var<storage, read_write> tallies: array<Tally>;
+@group(0) @binding(4) var<storage, read> filled: array<vec4<u32>>;
+@group(0) @binding(5) var<storage, read_write> heights: array<u32>;
+@group(0) @binding(6) var<storage, read_write> tallies: array<Tally>;
 // Lists of tiles, and a word with the length of each.
-@group(0) @binding(8) var<storage, read> due: array<u32>;
-@group(0) @binding(9) var<storage, read> mass: array<vec4<u32>>;
-@group(0) @binding(10) var<storage, read_write> thickness: array<vec4<u32>>;
-@group(0) @binding(11) var<storage, read> temperature: array<vec4<f32>>;
-@group(0) @binding(12) var<storage, read> stress: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read> due: array<u32>;
+@group(0) @binding(8) var<storage, read> mass: array<vec4<u32>>;
+@group(0) @binding(9) var<storage, read_write> thickness: array<vec4<u32>>;
+@group(0) @binding(10) var<storage, read> temperature: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read> stress: array<vec4<f32>>;
 
 // Groups of four columns in a tile.
 const GROUPS: u32 = TILE_COLUMNS / 4u;
@@ -141,7 +141,7 @@ fn compact(
     }
     let session = sessions[row.session];
     let run = runs[row.session];
-    let awake = (state & AWAKE) != 0u || run.always_awake != 0u;
+    let awake = (state & AWAKE) != 0u || (run.flags & ALWAYS_AWAKE) != 0u;
     if !awake || work.cycle >= run.cycles {
         return;
     }
@@ -187,7 +187,7 @@ fn compact(
         }
         if changed > 0u {
             atomicOr(&states[tile], DIRTY);
-            atomicMax(&tallies[row.session].last_change, work.cycle + changed);
+            atomicMax(&tallies[run.tally].last_change, work.cycle + changed);
         }
     }
 }

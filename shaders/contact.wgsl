@@ -1,14 +1,14 @@
 // Evaluates how objects touch the snow: a workgroup for each object. The twin of Contact::evaluate
-// in src/snow/collider.rs.
+// in src/snow/contact.rs.
 
-@group(0) @binding(0) var<uniform> work: Pass;
-@group(0) @binding(1) var<storage, read> sessions: array<Session>;
-@group(0) @binding(2) var<storage, read> runs: array<Run>;
-@group(0) @binding(3) var<storage, read> heights: array<u32>;
-@group(0) @binding(4) var<storage, read> ground: array<u32>;
-@group(0) @binding(5) var<storage, read> colliders: array<Collider>;
-@group(0) @binding(6) var<storage, read> spans: array<vec2<u32>>;
-@group(0) @binding(7) var<storage, read_write> contacts: array<Contact>;
+var<immediate> work: Pass;
+@group(0) @binding(0) var<storage, read> sessions: array<Session>;
+@group(0) @binding(1) var<storage, read> runs: array<Run>;
+@group(0) @binding(2) var<storage, read> heights: array<u32>;
+@group(0) @binding(3) var<storage, read> ground: array<u32>;
+@group(0) @binding(4) var<storage, read> colliders: array<Collider>;
+@group(0) @binding(5) var<storage, read> spans: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read_write> contacts: array<Contact>;
 
 const THREADS: u32 = 256u;
 

@@ -2,18 +2,18 @@
 // and counts the tiles that are awake: a workgroup for each group of 64 tiles, a thread for each
 // tile to look, then all threads to copy.
 
-@group(0) @binding(0) var<uniform> work: Pass;
-@group(0) @binding(1) var<storage, read> runs: array<Run>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
-@group(0) @binding(3) var<storage, read_write> states: array<atomic<u32>>;
+var<immediate> work: Pass;
+@group(0) @binding(0) var<storage, read> runs: array<Run>;
+@group(0) @binding(1) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(2) var<storage, read_write> states: array<atomic<u32>>;
 // Four columns at a time.
-@group(0) @binding(4) var<storage, read> heights: array<vec4<u32>>;
-@group(0) @binding(5) var<storage, read_write> tallies: array<Tally>;
+@group(0) @binding(3) var<storage, read> heights: array<vec4<u32>>;
+@group(0) @binding(4) var<storage, read_write> tallies: array<Tally>;
 // The number of tiles packed.
-@group(0) @binding(6) var<storage, read_write> packed_count: atomic<u32>;
-@group(0) @binding(7) var<storage, read_write> packed_groups: array<PackedGroup>;
+@group(0) @binding(5) var<storage, read_write> packed_count: atomic<u32>;
+@group(0) @binding(6) var<storage, read_write> packed_groups: array<PackedGroup>;
 // Heights of each packed tile, four columns at a time.
-@group(0) @binding(8) var<storage, read_write> packed: array<vec4<u32>>;
+@group(0) @binding(7) var<storage, read_write> packed: array<vec4<u32>>;
 
 const THREADS: u32 = 64u;
 // Vectors of heights in a tile.
@@ -37,7 +37,7 @@ fn publish(
         if session != NONE && (runs[session].flags & PUBLISH) != 0u {
             let state = atomicAnd(&states[tile], ~DIRTY);
             if (state & AWAKE) != 0u {
-                atomicAdd(&tallies[session].active_tiles, 1u);
+                atomicAdd(&tallies[runs[session].tally].active_tiles, 1u);
             }
             if (state & DIRTY) != 0u {
                 atomicOr(&changed[thread / 32u], 1u << (thread % 32u));

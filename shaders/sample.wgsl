@@ -1,17 +1,17 @@
 // Samples the fixed grid from the material cells: a thread for each column of a box. The twin of
 // src/snow/sample.rs.
 
-@group(0) @binding(0) var<uniform> work: Pass;
-@group(0) @binding(1) var<storage, read> sessions: array<Session>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
-@group(0) @binding(3) var<storage, read> filled: array<u32>;
-@group(0) @binding(4) var<storage, read> ground: array<u32>;
-@group(0) @binding(5) var<storage, read> sample_jobs: array<SampleJob>;
-@group(0) @binding(6) var<storage, read_write> samples: array<Sample>;
-@group(0) @binding(7) var<storage, read> mass: array<u32>;
-@group(0) @binding(8) var<storage, read> thickness: array<u32>;
-@group(0) @binding(9) var<storage, read> temperature: array<f32>;
-@group(0) @binding(10) var<storage, read> stress: array<f32>;
+var<immediate> work: Pass;
+@group(0) @binding(0) var<storage, read> sessions: array<Session>;
+@group(0) @binding(1) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(2) var<storage, read> filled: array<u32>;
+@group(0) @binding(3) var<storage, read> ground: array<u32>;
+@group(0) @binding(4) var<storage, read> sample_jobs: array<SampleJob>;
+@group(0) @binding(5) var<storage, read_write> samples: array<Sample>;
+@group(0) @binding(6) var<storage, read> mass: array<u32>;
+@group(0) @binding(7) var<storage, read> thickness: array<u32>;
+@group(0) @binding(8) var<storage, read> temperature: array<f32>;
+@group(0) @binding(9) var<storage, read> stress: array<f32>;
 
 const AIR: u32 = 0u;
 const SNOW: u32 = 1u;

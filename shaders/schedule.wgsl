@@ -1,16 +1,14 @@
 // Lists the tiles that are due and not at rest, page by page, and writes the arguments of the
 // dispatches that will compact them. Tiles under objects are listed by the host instead.
 
-@group(0) @binding(0) var<uniform> work: Pass;
-@group(0) @binding(1) var<storage, read> runs: array<Run>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
-@group(0) @binding(3) var<storage, read_write> states: array<atomic<u32>>;
+var<immediate> work: Pass;
+@group(0) @binding(0) var<storage, read> runs: array<Run>;
+@group(0) @binding(1) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(2) var<storage, read_write> states: array<atomic<u32>>;
 // For each page where its part of `due` begins.
-@group(0) @binding(4) var<storage, read> page_starts: array<u32>;
-// A word for each page with the length of its list, then the lists.
-@group(0) @binding(5) var<storage, read_write> due: array<atomic<u32>>;
-// For each page the groups along x, y and z.
-@group(0) @binding(6) var<storage, read_write> arguments: array<atomic<u32>>;
+@group(0) @binding(3) var<storage, read> page_starts: array<u32>;
+// For each page the groups along x, y and z and the length of its list, then the lists.
+@group(0) @binding(4) var<storage, read_write> due: array<atomic<u32>>;
 
 const ROW: u32 = 256u;
 
@@ -30,16 +28,16 @@ fn is_due(tile: u32) -> bool {
     if (run.flags & WAKE) != 0u {
         atomicOr(&states[tile], AWAKE);
     }
-    let awake = (atomicLoad(&states[tile]) & AWAKE) != 0u || run.always_awake != 0u;
+    let awake = (atomicLoad(&states[tile]) & AWAKE) != 0u || (run.flags & ALWAYS_AWAKE) != 0u;
     return run.cycles > 0u && awake && (row.shape & LOADED) == 0u;
 }
 
 fn reserve(page: u32, count: u32) -> u32 {
-    let first = atomicAdd(&due[page], count);
+    let first = atomicAdd(&due[page * 4u + 3u], count);
     let end = first + count;
-    atomicMax(&arguments[page * 3u], min(end, ROW));
-    atomicMax(&arguments[page * 3u + 1u], (end + ROW - 1u) / ROW);
-    atomicMax(&arguments[page * 3u + 2u], 1u);
+    atomicMax(&due[page * 4u], min(end, ROW));
+    atomicMax(&due[page * 4u + 1u], (end + ROW - 1u) / ROW);
+    atomicMax(&due[page * 4u + 2u], 1u);
     return first;
 }
 

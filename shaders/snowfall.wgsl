@@ -2,20 +2,20 @@
 // for each column. Tops up, opens cells and re-cuts where slots run out. The twin of
 // Column::deposit and Column::clear in src/snow/column.rs and of src/snow/recut.rs.
 
-@group(0) @binding(0) var<uniform> work: Pass;
-@group(0) @binding(1) var<storage, read> sessions: array<Session>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
-@group(0) @binding(3) var<storage, read_write> states: array<atomic<u32>>;
-@group(0) @binding(4) var<storage, read_write> heights: array<u32>;
-@group(0) @binding(5) var<storage, read_write> filled: array<u32>;
-@group(0) @binding(6) var<storage, read> edit_jobs: array<EditJob>;
-@group(0) @binding(7) var<storage, read> operations: array<Operation>;
-@group(0) @binding(8) var<storage, read_write> operation_results: array<OperationResult>;
-@group(0) @binding(9) var<storage, read_write> mass: array<u32>;
-@group(0) @binding(10) var<storage, read_write> thickness: array<u32>;
-@group(0) @binding(11) var<storage, read_write> temperature: array<f32>;
-@group(0) @binding(12) var<storage, read_write> stress: array<f32>;
-@group(0) @binding(13) var<storage, read> operation_lists: array<u32>;
+var<immediate> work: Pass;
+@group(0) @binding(0) var<storage, read> sessions: array<Session>;
+@group(0) @binding(1) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(2) var<storage, read_write> states: array<atomic<u32>>;
+@group(0) @binding(3) var<storage, read_write> heights: array<u32>;
+@group(0) @binding(4) var<storage, read_write> filled: array<u32>;
+@group(0) @binding(5) var<storage, read> edit_jobs: array<EditJob>;
+@group(0) @binding(6) var<storage, read> operations: array<Operation>;
+@group(0) @binding(7) var<storage, read_write> operation_results: array<OperationResult>;
+@group(0) @binding(8) var<storage, read_write> mass: array<u32>;
+@group(0) @binding(9) var<storage, read_write> thickness: array<u32>;
+@group(0) @binding(10) var<storage, read_write> temperature: array<f32>;
+@group(0) @binding(11) var<storage, read_write> stress: array<f32>;
+@group(0) @binding(12) var<storage, read> operation_lists: array<u32>;
 
 const DEPOSIT: u32 = 0u;
 // Largest difference in temperature at which fresh snow tops up the cell below [degrees C].

@@ -2,23 +2,23 @@
 // snow and the loads of the objects on it, gathered in ascending order of the objects' ids. A tile
 // in which a bit of a stress changes wakes. The twin of Column::stress in src/snow/column.rs.
 
-@group(0) @binding(0) var<uniform> work: Pass;
-@group(0) @binding(1) var<storage, read> sessions: array<Session>;
-@group(0) @binding(2) var<storage, read> runs: array<Run>;
-@group(0) @binding(3) var<storage, read> tiles: array<Tile>;
-@group(0) @binding(4) var<storage, read_write> states: array<atomic<u32>>;
-@group(0) @binding(5) var<storage, read> heights: array<u32>;
-@group(0) @binding(6) var<storage, read> filled: array<u32>;
-@group(0) @binding(7) var<storage, read> ground: array<u32>;
-@group(0) @binding(8) var<storage, read> colliders: array<Collider>;
-@group(0) @binding(9) var<storage, read> spans: array<vec2<u32>>;
-@group(0) @binding(10) var<storage, read> contacts: array<Contact>;
-@group(0) @binding(11) var<storage, read> load_jobs: array<LoadJob>;
+var<immediate> work: Pass;
+@group(0) @binding(0) var<storage, read> sessions: array<Session>;
+@group(0) @binding(1) var<storage, read> runs: array<Run>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(3) var<storage, read_write> states: array<atomic<u32>>;
+@group(0) @binding(4) var<storage, read> heights: array<u32>;
+@group(0) @binding(5) var<storage, read> filled: array<u32>;
+@group(0) @binding(6) var<storage, read> ground: array<u32>;
+@group(0) @binding(7) var<storage, read> colliders: array<Collider>;
+@group(0) @binding(8) var<storage, read> spans: array<vec2<u32>>;
+@group(0) @binding(9) var<storage, read> contacts: array<Contact>;
+@group(0) @binding(10) var<storage, read> load_jobs: array<LoadJob>;
 // Indexes into `colliders`.
-@group(0) @binding(12) var<storage, read> loads: array<u32>;
-@group(0) @binding(13) var<storage, read> mass: array<u32>;
-@group(0) @binding(14) var<storage, read> thickness: array<u32>;
-@group(0) @binding(15) var<storage, read_write> stress: array<f32>;
+@group(0) @binding(11) var<storage, read> loads: array<u32>;
+@group(0) @binding(12) var<storage, read> mass: array<u32>;
+@group(0) @binding(13) var<storage, read> thickness: array<u32>;
+@group(0) @binding(14) var<storage, read_write> stress: array<f32>;
 
 const TWO_TO_ONE: u32 = 0u;
 const UNIFORM: u32 = 1u;

@@ -1,8 +1,9 @@
 // Sums the masses of all cells of listed tiles, exactly: a workgroup for each tile.
 
-@group(0) @binding(0) var<uniform> work: Pass;
-@group(0) @binding(1) var<storage, read> tiles: array<Tile>;
-@group(0) @binding(2) var<storage, read> filled: array<u32>;
+var<immediate> work: Pass;
+@group(0) @binding(0) var<storage, read> tiles: array<Tile>;
+@group(0) @binding(1) var<storage, read> filled: array<u32>;
+@group(0) @binding(2) var<storage, read> runs: array<Run>;
 @group(0) @binding(3) var<storage, read_write> tallies: array<Tally>;
 @group(0) @binding(4) var<storage, read> mass: array<u32>;
 
@@ -28,9 +29,10 @@ fn tally(
         sum += mass[(row.row + slot) * TILE_COLUMNS + column];
     }
     if sum > 0u {
-        let before = atomicAdd(&tallies[row.session].mass_low, sum);
+        let sums = runs[row.session].tally;
+        let before = atomicAdd(&tallies[sums].mass_low, sum);
         if before + sum < before {
-            atomicAdd(&tallies[row.session].mass_high, 1u);
+            atomicAdd(&tallies[sums].mass_high, 1u);
         }
     }
 }

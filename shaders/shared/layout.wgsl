@@ -26,6 +26,7 @@ const LOADED: u32 = 1u << 31u;
 const WAKE: u32 = 1u;
 const PUBLISH: u32 = 2u;
 const EDITED: u32 = 4u;  // contacts have been evaluated after the edits of this frame
+const ALWAYS_AWAKE: u32 = 8u;
 
 // A snowpack's constants.
 struct Session {
@@ -53,8 +54,8 @@ struct Run {
     flags: u32,
     // Cycle length over the reference cell size [s/m].
     rate: f32,
-    // Keeps all tiles awake where it is not 0.
-    always_awake: u32,
+    // Its row in the table of sums.
+    tally: u32,
 }
 
 // Where a tile is.

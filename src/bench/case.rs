@@ -32,6 +32,8 @@ pub enum Case {
     CrowdRest,
     /// 2048²×50 at rest with one moving vehicle on four wheels: frames
     Vehicle,
+    /// The same beside a session that is asked for its mass all the time
+    VehicleAwake,
     /// Creating a 50³ session and reading its first heights
     Create,
 }
@@ -79,6 +81,7 @@ impl Case {
             Case::CrowdPublished => "crowd-published",
             Case::CrowdRest => "crowd-rest",
             Case::Vehicle => "vehicle",
+            Case::VehicleAwake => "vehicle-awake",
             Case::Create => "create",
         }
     }
@@ -96,7 +99,7 @@ impl Case {
             Case::Crowd => (Quantity::Seconds, 8e-3),
             Case::CrowdPublished => (Quantity::Seconds, 15e-3),
             Case::CrowdRest => (Quantity::Seconds, 0.3e-3),
-            Case::Vehicle => (Quantity::Seconds, 0.15e-3),
+            Case::Vehicle | Case::VehicleAwake => (Quantity::Seconds, 0.15e-3),
             Case::Create => (Quantity::Seconds, 5e-3),
         }
     }

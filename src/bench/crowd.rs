@@ -1,15 +1,13 @@
 //! Thousands of sessions in one world.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use super::case::Case;
 use super::host::{Host, spec};
-use super::report::{Clock, Measured, Report, pass_bytes};
-use super::spread::Spread;
-use super::{BenchError, Plan};
+use super::report::{Measured, Report, pass_bytes};
+use super::{BenchError, Plan, frames};
 use crate::engine::frame::TileCells;
-use crate::session::{FrameTime, Session, SessionSpec, SettingsPatch};
+use crate::session::{Session, SessionSpec, SettingsPatch};
 
 /// Frames before the first that counts.
 const WARM_UP: usize = 6;
@@ -62,8 +60,9 @@ pub(super) fn measure(
         let settled = || sessions.iter().all(|session| session.mirror().settled);
         host.wait_until(name, "the snow comes to rest", settled)?;
         observe("crowd-rest: frames in which nothing moves");
-        let frames = host.watch(name, WARM_UP + samples, |frame| frame.sessions == 0)?;
-        report.cases.push(measured(Case::CrowdRest, count, times(&frames[WARM_UP..]))?);
+        let timed = host.watch(name, WARM_UP + samples, |frame| frame.sessions == 0)?;
+        let timed = &timed[WARM_UP..];
+        report.cases.push(frames::measured(Case::CrowdRest, count, GRID, timed)?);
     }
     Ok(())
 }
@@ -78,32 +77,22 @@ fn live(
     let count = sessions.len() as u32;
     let tiles = count * sessions[0].spec.grid.tiles();
     let before = cells(host, &sessions[0])?;
-    let frames = host.watch(Case::Crowd.name(), WARM_UP + samples, |frame| {
+    let watched = host.watch(Case::Crowd.name(), WARM_UP + samples, |frame| {
         frame.sessions == count && (frame.published_tiles == 0 || frame.published_tiles == tiles)
     })?;
     let after = cells(host, &sessions[0])?;
     let (published, unpublished): (Vec<_>, Vec<_>) =
-        frames[WARM_UP..].iter().partition(|frame| frame.published_tiles > 0);
+        watched[WARM_UP..].iter().partition(|frame| frame.published_tiles > 0);
     let mut cases = Vec::new();
-    for (case, frames) in [(Case::Crowd, unpublished), (Case::CrowdPublished, published)] {
+    for (case, timed) in [(Case::Crowd, unpublished), (Case::CrowdPublished, published)] {
         if plan.wants(case) {
             let (cells, moving) = moved(&before, &after);
             let (cells, moving) = (cells * u64::from(count), moving * u64::from(count));
-            let measured = measured(case, count, times(&frames))?;
+            let measured = frames::measured(case, count, GRID, &timed)?;
             cases.push(measured.with_work(cells, moving, 1, pass_bytes(cells, moving)));
         }
     }
     Ok(cases)
-}
-
-fn times(frames: &[FrameTime]) -> Vec<Duration> {
-    frames.iter().map(|frame| frame.took).collect()
-}
-
-fn measured(case: Case, count: u32, times: Vec<Duration>) -> Result<Measured, BenchError> {
-    let nothing = || BenchError::Stuck { case: case.name(), what: "nothing was timed".into() };
-    let time = Spread::of(times).ok_or_else(nothing)?;
-    Ok(Measured::new(case, count, GRID, Clock::Wall, time))
 }
 
 /// All cells of a session.

@@ -92,11 +92,18 @@ impl Host {
                 return Err(BenchError::Stuck { case, what });
             }
             self.sleep(Duration::from_millis(100));
-            let frames = self.sessions.vitals().frame_times();
-            found.extend(frames.iter().filter(|frame| frame.number > seen && wanted(frame)));
-            seen = frames.last().map_or(seen, |frame| frame.number);
+            found.extend(self.frames_since(&mut seen).filter(&wanted));
         }
         Ok(found)
+    }
+
+    /// The frames after one of a number, which is then that of the last of them. Only so many are
+    /// remembered.
+    pub fn frames_since(&self, seen: &mut u64) -> impl Iterator<Item = FrameTime> + use<> {
+        let frames = self.sessions.vitals().frame_times();
+        let last = frames.last().map_or(*seen, |frame| frame.number);
+        let before = std::mem::replace(seen, last);
+        frames.into_iter().filter(move |frame| frame.number > before)
     }
 
     /// Waits until something is so.

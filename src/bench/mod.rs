@@ -5,6 +5,7 @@ mod bandwidth;
 mod case;
 mod crowd;
 mod field;
+mod frames;
 mod host;
 mod report;
 mod single;
@@ -17,6 +18,7 @@ use crate::engine::gpu::device::Device;
 use crate::session::SessionError;
 
 pub use case::{Case, Target};
+pub use frames::Parts;
 pub use report::{Clock, CopyRate, DeviceFacts, Measured, Report};
 pub use spread::Spread;
 

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::Plan;
 use super::case::{Case, Quantity, Target};
+use super::frames::Parts;
 use super::spread::Spread;
 use crate::engine::gpu::device::Device;
 use crate::engine::gpu::stopwatch::STOPWATCH_FEATURES;
@@ -93,6 +94,8 @@ pub struct Measured {
     pub clock: Clock,
     /// Time of one sample \[s\].
     pub time_s: Spread,
+    /// What the time of a whole frame was made of \[s\].
+    pub parts: Option<Parts>,
     /// Cycles in one sample.
     pub cycles: u64,
     /// Cells with snow, or all cells where the layout stores empty ones too.
@@ -163,6 +166,7 @@ impl Measured {
             grid,
             clock,
             time_s: time,
+            parts: None,
             cycles: 0,
             cells: 0,
             moving_cells: 0,
@@ -274,8 +278,11 @@ impl fmt::Display for Measured {
             or_none(self.cell_cycles_per_s.map(|rate| format!("{:.2}", rate / 1e9))),
             or_none(self.times_slower.map(|times| format!("{times:.0} x"))),
         )?;
-        match &self.target {
-            Some(target) => write!(f, "  {target}"),
+        if let Some(target) = &self.target {
+            write!(f, "  {target}")?;
+        }
+        match &self.parts {
+            Some(parts) => write!(f, "\n{:<16} {parts}", ""),
             None => Ok(()),
         }
     }
@@ -294,7 +301,7 @@ impl fmt::Display for Target {
 }
 
 /// A time with three digits or so.
-fn time(seconds: f64) -> String {
+pub(super) fn time(seconds: f64) -> String {
     match seconds {
         s if s < 1e-3 => format!("{:.1} us", s * 1e6),
         s if s < 1.0 => format!("{:.2} ms", s * 1e3),

@@ -7,9 +7,9 @@ use super::case::Case;
 use super::host::{Host, spec};
 use super::report::{Clock, Measured, Report};
 use super::spread::Spread;
-use super::{BenchError, Plan};
+use super::{BenchError, Plan, frames};
 use crate::session::{
-    Change, ColliderBatch, ColliderSpec, FRAME_RATE, SessionSpec, SettingsPatch, StepSpec,
+    Change, ColliderBatch, ColliderSpec, FRAME_RATE, Session, SessionSpec, SettingsPatch, StepSpec,
 };
 use crate::snow::{Position, Shape};
 
@@ -51,25 +51,20 @@ pub(super) fn measure(
         }
         if plan.wants(Case::SessionFrameAwake) {
             observe("session-frame-awake: a live session beside a busy one");
-            report.cases.push(awake_session(&host, plan.samples)?);
+            let live = || live_session(&host, Case::SessionFrameAwake, plan.samples);
+            report.cases.push(beside_a_busy_session(&host, live)?);
         }
     }
-    if plan.wants(Case::Vehicle) {
+    if plan.wants_any(&[Case::Vehicle, Case::VehicleAwake]) {
         observe("vehicle: laying the snow and letting it settle");
-        let host = Host::start(plan, FRAME_RATE)?;
-        report.cases.push(vehicle(&host, plan, observe)?);
+        vehicle(&Host::start(plan, FRAME_RATE)?, plan, report, observe)?;
     }
     Ok(())
 }
 
-fn measured(case: Case, side: u32, times: Vec<Duration>) -> Result<Measured, BenchError> {
-    let nothing = || BenchError::Stuck { case: case.name(), what: "nothing was timed".into() };
-    let time = Spread::of(times).ok_or_else(nothing)?;
-    Ok(Measured::new(case, 1, [side, side, HEIGHT], Clock::Wall, time))
-}
-
 /// A session is created, its heights are read, and it is deleted again.
 fn create(host: &Host, samples: u32) -> Result<Measured, BenchError> {
+    let case = Case::Create;
     let mut times = Vec::new();
     for sample in 0..=samples {
         let begun = Instant::now();
@@ -78,7 +73,7 @@ fn create(host: &Host, samples: u32) -> Result<Measured, BenchError> {
         let time = begun.elapsed();
         if summary.min_height != 5.8 && (summary.min_height - 5.8).abs() > 1e-6 {
             let what = format!("the first heights are {} m", summary.min_height);
-            return Err(BenchError::Stuck { case: Case::Create.name(), what });
+            return Err(BenchError::Stuck { case: case.name(), what });
         }
         host.runtime.block_on(host.sessions.delete(&session.id))?;
         // The first one compiles and allocates.
@@ -86,7 +81,9 @@ fn create(host: &Host, samples: u32) -> Result<Measured, BenchError> {
             times.push(time);
         }
     }
-    measured(Case::Create, 50, times)
+    let nothing = || BenchError::Stuck { case: case.name(), what: "nothing was timed".into() };
+    let time = Spread::of(times).ok_or_else(nothing)?;
+    Ok(Measured::new(case, 1, [50, 50, HEIGHT], Clock::Wall, time))
 }
 
 /// A session ticks and publishes with every frame.
@@ -94,17 +91,21 @@ fn live_session(host: &Host, case: Case, samples: u32) -> Result<Measured, Bench
     let session = host.create(spec(50, 5.8))?;
     let tiles = session.spec.grid.tiles();
     let count = WARM_UP + samples as usize;
-    let frames = host.watch(case.name(), count, |frame| frame.published_tiles == tiles)?;
-    let times = frames[WARM_UP..].iter().map(|frame| frame.took).collect();
+    let watched = host.watch(case.name(), count, |frame| frame.published_tiles == tiles)?;
+    let timed = &watched[WARM_UP..];
     host.runtime.block_on(host.sessions.delete(&session.id))?;
-    measured(case, 50, times)
+    frames::measured(case, 1, [50, 50, HEIGHT], timed)
 }
 
-/// The same, with frames for another session in between.
-fn awake_session(host: &Host, samples: u32) -> Result<Measured, BenchError> {
+/// Does something while another session is asked for its mass all the time, with frames for that in
+/// between.
+fn beside_a_busy_session<T>(
+    host: &Host,
+    act: impl FnOnce() -> Result<T, BenchError>,
+) -> Result<T, BenchError> {
     let other = host.create(SessionSpec { paused: true, ..spec(8, 1.0) })?;
     let done = AtomicBool::new(false);
-    let measured = std::thread::scope(|scope| {
+    let acted = std::thread::scope(|scope| {
         scope.spawn(|| {
             while !done.load(Ordering::Relaxed) {
                 if host.runtime.block_on(other.mass()).is_err() {
@@ -112,26 +113,24 @@ fn awake_session(host: &Host, samples: u32) -> Result<Measured, BenchError> {
                 }
             }
         });
-        // Nothing here needs the runtime meanwhile but the other session.
-        let measured = live_session(host, Case::SessionFrameAwake, samples);
+        let acted = act();
         done.store(true, Ordering::Relaxed);
-        measured
+        acted
     });
     host.runtime.block_on(host.sessions.delete(&other.id))?;
-    measured
+    acted
 }
 
 /// A vehicle drives through a large world at rest.
 fn vehicle(
     host: &Host,
     plan: &Plan,
+    report: &mut Report,
     observe: &mut dyn FnMut(&str),
-) -> Result<Measured, BenchError> {
-    let case = Case::Vehicle;
+) -> Result<(), BenchError> {
     let side = plan.side(2048);
     // A quarter of a second is the longest cycle there is: it settles fastest.
     let spec = SessionSpec { paused: true, time_scale: 15.0, ..spec(side, 5.8) };
-    let extent = f64::from(side) * spec.grid.cell_size;
     let session = host.create(spec)?;
     let settle =
         StepSpec { until_settled: Some(true), max_seconds: Some(100_000.0), ..StepSpec::default() };
@@ -139,21 +138,36 @@ fn vehicle(
     let live =
         SettingsPatch { paused: Some(false), time_scale: Some(1.0), ..SettingsPatch::default() };
     host.runtime.block_on(session.change(Change::Settings(live)))?;
-    host.wait_until(case.name(), "the snow comes to rest", || session.mirror().settled)?;
+    let name = Case::Vehicle.name();
+    host.wait_until(name, "the snow comes to rest", || session.mirror().settled)?;
+    if plan.wants(Case::Vehicle) {
+        observe("vehicle: driving");
+        report.cases.push(drive(host, &session, Case::Vehicle, plan.samples)?);
+    }
+    if plan.wants(Case::VehicleAwake) {
+        observe("vehicle-awake: driving beside a busy session");
+        let drive = || drive(host, &session, Case::VehicleAwake, plan.samples);
+        report.cases.push(beside_a_busy_session(host, drive)?);
+    }
+    Ok(())
+}
 
-    observe("vehicle: driving");
-    let first = host.newest_frame();
+/// Moves the vehicle with every beat.
+fn drive(host: &Host, session: &Session, case: Case, samples: u32) -> Result<Measured, BenchError> {
+    let grid = session.spec.grid;
+    let extent = f64::from(grid.width) * grid.cell_size;
+    let mut seen = host.newest_frame();
+    let mut driven = Vec::new();
     let way = extent - 4.0;
-    for step in 0..WARM_UP as u32 + plan.samples {
+    for step in 0..WARM_UP as u32 + samples {
         let x = 2.0 + (f64::from(step) * STRIDE) % way.max(0.1);
         let batch = ColliderBatch { put: wheels(x.min(extent), extent / 2.0), delete: Vec::new() };
         host.runtime.block_on(session.change(Change::Colliders(batch)))?;
         host.sleep(Duration::from_secs_f64(1.0 / FRAME_RATE));
+        driven.extend(host.frames_since(&mut seen).filter(|frame| frame.published_tiles > 0));
     }
-    let frames = host.sessions.vitals().frame_times();
-    let driven = frames.iter().filter(|frame| frame.number > first && frame.sessions == 1);
-    let times: Vec<Duration> = driven.map(|frame| frame.took).skip(WARM_UP).collect();
-    measured(case, side, times)
+    let timed = driven.get(WARM_UP..).unwrap_or_default();
+    frames::measured(case, 1, [grid.width, grid.depth, grid.height], timed)
 }
 
 fn wheels(x: f64, z: f64) -> Vec<ColliderSpec> {

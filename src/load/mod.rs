@@ -6,11 +6,11 @@ mod api;
 mod durable;
 mod message;
 mod mover;
+mod plan;
 mod report;
 mod tally;
 mod viewer;
 
-use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -19,13 +19,13 @@ use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
-use crate::config::ApiKey;
 use crate::open_files;
 
 use api::Api;
 use tally::{Moves, Tally};
 
 pub use durable::{DurableReport, run_durable};
+pub use plan::{Extent, Plan, Protocol};
 pub use report::{Memory, Percentiles, Report};
 
 /// Side of a column \[m\].
@@ -47,82 +47,6 @@ const OTHER_FILES: u64 = 64;
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct LoadError(String);
-
-/// Sides of a rectangle in columns, such as `32x16`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Extent {
-    /// Columns along x, at least 1.
-    pub width: u32,
-    /// Columns along z, at least 1.
-    pub depth: u32,
-}
-
-impl FromStr for Extent {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Extent, String> {
-        let side = |text: &str| text.parse().ok().filter(|&side| side > 0);
-        text.split_once('x')
-            .and_then(|(width, depth)| Some(Extent { width: side(width)?, depth: side(depth)? }))
-            .ok_or_else(|| "expected columns along x and z, such as 32x32".to_owned())
-    }
-}
-
-/// How viewers are told heights.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Protocol {
-    /// As JSON.
-    Json,
-    /// As packed bytes.
-    Bin,
-}
-
-impl Protocol {
-    /// Its name in the handshake.
-    fn name(self) -> &'static str {
-        match self {
-            Protocol::Json => "firn.v1.json",
-            Protocol::Bin => "firn.v1.bin",
-        }
-    }
-}
-
-/// What load is put on.
-#[derive(Clone, Debug)]
-pub struct Plan {
-    /// The server, `http://host:port`.
-    pub url: String,
-    /// The server's API key, where it asks for one.
-    pub api_key: Option<ApiKey>,
-    /// How viewers are told heights.
-    pub protocol: Protocol,
-    /// Sessions, each with its own objects.
-    pub sessions: usize,
-    /// Viewers of all sessions together.
-    pub clients: usize,
-    /// How many of them stop reading for `stall` when the run begins.
-    pub slow_clients: usize,
-    /// How long they do.
-    pub stall: Duration,
-    /// What each viewer watches.
-    pub region: Extent,
-    /// Columns of each session.
-    pub grid: Extent,
-    /// Cells that each of their columns can hold.
-    pub height: u32,
-    /// Moving objects in each session.
-    pub colliders: usize,
-    /// Ticks per second of each session \[Hz\]; objects are moved as often.
-    pub tick_rate: f64,
-    /// Most messages per second to a viewer \[Hz\].
-    pub max_rate: f64,
-    /// Length of the run.
-    pub duration: Duration,
-    /// Whether the snow has settled before the run.
-    pub settled: bool,
-    /// The server's process, where its memory is to be measured.
-    pub server_pid: Option<u32>,
-}
 
 /// How far a run is.
 #[derive(Clone, Copy, Debug, Default)]
@@ -191,7 +115,7 @@ pub async fn run(
     observe: impl Fn(Progress),
     stop: &CancellationToken,
 ) -> Result<Report, LoadError> {
-    check(plan)?;
+    plan.check()?;
     let files = plan.clients as u64 + plan.sessions as u64 + OTHER_FILES;
     open_files::allow(files).map_err(LoadError)?;
     let api = Api::new(plan)?;
@@ -214,22 +138,6 @@ pub async fn run(
         }
     }
     result
-}
-
-fn check(plan: &Plan) -> Result<(), LoadError> {
-    let least = mover::LEAST_SIDE;
-    let wrong = if plan.sessions == 0 || plan.clients == 0 {
-        "there must be at least one session and one client".to_owned()
-    } else if plan.slow_clients > plan.clients {
-        format!("{} slow clients are more than all {}", plan.slow_clients, plan.clients)
-    } else if plan.grid.width < least || plan.grid.depth < least {
-        format!("objects move on grids of at least {least}x{least} columns")
-    } else if plan.region.width > plan.grid.width || plan.region.depth > plan.grid.depth {
-        "the region is larger than the grid".to_owned()
-    } else {
-        return Ok(());
-    };
-    Err(LoadError(wrong))
 }
 
 /// Creates the sessions, with snow that has settled where that is wanted, and sets them running.
@@ -318,14 +226,6 @@ fn resident(pid: u32) -> Result<u64, LoadError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_extent_is_two_numbers() {
-        assert_eq!("32x16".parse(), Ok(Extent { width: 32, depth: 16 }));
-        for text in ["", "32", "32x", "x3", "0x3", "3x-1", "3x4x5", "axb"] {
-            assert!(text.parse::<Extent>().is_err(), "{text}");
-        }
-    }
 
     #[cfg(target_os = "linux")]
     #[test]

@@ -9,6 +9,13 @@ pub struct Invalid {
     pub detail: String,
 }
 
+impl Invalid {
+    /// A field, and what is wrong with it.
+    pub fn new(pointer: impl Into<String>, detail: impl Into<String>) -> Invalid {
+        Invalid { pointer: pointer.into(), detail: detail.into() }
+    }
+}
+
 /// Why a request about a session was not carried out. Nothing has changed where one is returned.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum SessionError {
@@ -53,7 +60,7 @@ pub struct Check(Vec<Invalid>);
 impl Check {
     /// Notes a field as invalid.
     pub fn reject(&mut self, pointer: impl Into<String>, detail: impl Into<String>) {
-        self.0.push(Invalid { pointer: pointer.into(), detail: detail.into() });
+        self.0.push(Invalid::new(pointer, detail));
     }
 
     /// Notes a number outside `lowest..=highest`, or not finite.

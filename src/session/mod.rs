@@ -52,5 +52,5 @@ pub use view::{
     Summary, WeakLayerView,
 };
 pub use visit::Visit;
-pub use vitals::{FrameTime, StageTimes, Vitals};
+pub use vitals::{FrameParts, FrameTime, StageTimes, Vitals};
 pub use world::{Durability, Fault, OpenBackend, StartError, World, WorldConfig};

@@ -23,8 +23,28 @@ pub struct FrameTime {
     pub published_tiles: u32,
     /// Time from when it was begun until all of it was published.
     pub took: Duration,
-    /// Part of that in which the host waited for the backend.
-    pub backend: Duration,
+    /// What that was made of.
+    pub parts: FrameParts,
+}
+
+/// What the time of a frame is made of, but for looking after sessions and taking the time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameParts {
+    /// Asking sessions what they do.
+    pub planning: Duration,
+    /// Telling the backend, as commands for a device.
+    pub submitting: Duration,
+    /// Waiting for the backend, and reading what it found.
+    pub waiting: Duration,
+    /// Publishing and answering.
+    pub concluding: Duration,
+}
+
+impl FrameParts {
+    /// Time in which the backend had the frame.
+    pub fn backend(&self) -> Duration {
+        self.submitting + self.waiting
+    }
 }
 
 /// What the stages of frames took on the device, in those frames that were timed.

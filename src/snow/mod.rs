@@ -2,18 +2,18 @@
 //!
 //! It knows no GPU and no network. `docs/model.md` holds the equations.
 
-mod collider;
 mod column;
+mod contact;
+mod footprint;
 mod grid;
 mod material;
 mod recut;
 mod sample;
 mod snowpack;
 
-pub use collider::{
-    CONTACT_DEPTH, Contact, Footprint, Position, Shape, elevation, share, share_units,
-};
 pub use column::{Cell, Column, SurfaceLoad};
+pub use contact::{CONTACT_DEPTH, Contact, elevation, share, share_units};
+pub use footprint::{Footprint, Position, Shape};
 pub use grid::{
     CELL, ColumnRect, Grid, MASS_QUANTA, MAX_COLUMN_MASS, MAX_TERRAIN_CELLS, TILE_COLUMNS,
     TILE_SIDE,

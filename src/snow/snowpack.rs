@@ -8,8 +8,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::collider::{Contact, Footprint};
 use super::column::Column;
+use super::contact::Contact;
+use super::footprint::Footprint;
 use super::grid::{ColumnRect, Grid, TILE_COLUMNS};
 use super::material::Material;
 use super::sample::{Sample, sample_column};

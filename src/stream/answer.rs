@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn an_error_points_into_the_clients_message() {
-        let invalid = Invalid { pointer: "/mass".to_owned(), detail: "is 0".to_owned() };
+        let invalid = Invalid::new("/mass", "is 0");
         let error = SessionError::Invalid(vec![invalid]);
         let error = value(&outcome(5, "/collider", Err(error)));
         assert_eq!((&error["op"], &error["id"]), (&json!("error"), &json!(5)));

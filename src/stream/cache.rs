@@ -7,7 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use axum::body::Bytes;
 
-use super::tiles::{Protocol, Quantum};
+use super::quantum::Quantum;
+use super::tiles::Protocol;
 
 /// Ways of encoding that are shared in one session at a time. Whoever wants another has its tiles
 /// encoded for itself: otherwise a client could fill the memory with quanta that nobody else uses.

@@ -161,12 +161,10 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
     fn subscribe(&mut self, id: i64, wish: &Subscribe) -> Result<(), SessionError> {
         let known = self.subscriptions.iter().position(|subscription| subscription.id() == id);
         if known.is_none() && self.subscriptions.len() >= MOST_SUBSCRIPTIONS {
-            return Err(SessionError::Invalid(vec![Invalid {
-                pointer: "/id".to_owned(),
-                detail: format!(
-                    "the stream has {MOST_SUBSCRIPTIONS} subscriptions already, the most it may"
-                ),
-            }]));
+            let detail = format!(
+                "the stream has {MOST_SUBSCRIPTIONS} subscriptions already, the most it may"
+            );
+            return Err(SessionError::Invalid(vec![Invalid::new("/id", detail)]));
         }
         let source = Source {
             grid: self.session.spec.grid,

@@ -8,11 +8,13 @@ use axum::body::Bytes;
 use tokio::time::Instant;
 
 use crate::session::{ColliderView, Invalid, Mirror, SessionError, Stamp, TileColumns};
-use crate::snow::{ColumnRect, Grid, TILE_SIDE};
+use crate::snow::{ColumnRect, Grid};
 
 use super::cache::{EncodedTiles, Layer};
+use super::quantum::Quantum;
+use super::region::{columns_of, overlap, tiles_of};
 use super::request::{ColumnRegion, Resume, Subscribe};
-use super::tiles::{Head, Parts, Protocol, Quantum, Sampling, meets};
+use super::tiles::{Head, Parts, Protocol, Sampling, meets};
 
 /// A client's view of a session.
 #[derive(Debug)]
@@ -124,11 +126,11 @@ impl Subscription {
         let Source { grid, protocol, encoded, .. } = source;
         let mut wrong = Vec::new();
         if ![1, 2, 4, 8].contains(&wish.stride) {
-            wrong.push(invalid("/stride", format!("{} is not 1, 2, 4 or 8", wish.stride)));
+            wrong.push(Invalid::new("/stride", format!("{} is not 1, 2, 4 or 8", wish.stride)));
         }
         if !(0.1..=60.0).contains(&wish.max_rate) {
             let detail = format!("{} is not within 0.1 to 60 Hz", wish.max_rate);
-            wrong.push(invalid("/max_rate", detail));
+            wrong.push(Invalid::new("/max_rate", detail));
         }
         let quantum = Quantum::new(wish.quantum).map_err(|error| wrong.push(error));
         let view = tiles_of(wish.region, &grid).map_err(|error| wrong.push(error));
@@ -295,51 +297,6 @@ impl Subscription {
         let told = Some(hasher.finalize());
         (std::mem::replace(&mut self.told, told) != told).then_some(colliders)
     }
-}
-
-/// The tiles that a region of columns meets; all of the grid's where there is none.
-fn tiles_of(region: Option<ColumnRegion>, grid: &Grid) -> Result<ColumnRect, Invalid> {
-    let Some(region) = region else { return Ok(grid.all().tiles()) };
-    for (pointer, extent) in [("/region/width", region.width), ("/region/depth", region.depth)] {
-        if extent == 0 {
-            return Err(invalid(pointer, "0 is not at least 1 column"));
-        }
-    }
-    let span = |first: i64, extent: u64, columns: u32| {
-        let clip = |column: i64| column.clamp(0, i64::from(columns)) as u32;
-        (clip(first), clip(first.saturating_add_unsigned(extent)))
-    };
-    let (x0, x1) = span(region.column_x, region.width, grid.width);
-    let (z0, z1) = span(region.column_z, region.depth, grid.depth);
-    if x0 == x1 || z0 == z1 {
-        let detail = format!("holds none of the grid's {} × {} columns", grid.width, grid.depth);
-        return Err(invalid("/region", detail));
-    }
-    Ok(ColumnRect { x0, z0, x1, z1 }.tiles())
-}
-
-fn invalid(pointer: &str, detail: impl Into<String>) -> Invalid {
-    Invalid { pointer: pointer.to_owned(), detail: detail.into() }
-}
-
-/// The columns of a rectangle of tiles, clipped to the grid.
-fn columns_of(tiles: &ColumnRect, grid: &Grid) -> ColumnRect {
-    ColumnRect {
-        x0: tiles.x0 * TILE_SIDE,
-        z0: tiles.z0 * TILE_SIDE,
-        x1: (tiles.x1 * TILE_SIDE).min(grid.width),
-        z1: (tiles.z1 * TILE_SIDE).min(grid.depth),
-    }
-}
-
-fn overlap(a: &ColumnRect, b: &ColumnRect) -> Option<ColumnRect> {
-    let rect = ColumnRect {
-        x0: a.x0.max(b.x0),
-        z0: a.z0.max(b.z0),
-        x1: a.x1.min(b.x1),
-        z1: a.z1.min(b.z1),
-    };
-    (rect.x0 < rect.x1 && rect.z0 < rect.z1).then_some(rect)
 }
 
 #[cfg(test)]

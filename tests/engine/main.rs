@@ -1,6 +1,7 @@
 //! The engine without sessions: the GPU's kernels beside their twins in plain Rust.
 
 mod arena;
+mod frames;
 mod golden;
 mod kernels;
 mod render_shaders;

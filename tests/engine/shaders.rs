@@ -12,7 +12,7 @@ fn parse(kernel: &Kernel) -> naga::Module {
         .unwrap_or_else(|error| panic!("{}: {}", kernel.name, error.emit_to_string(&source)));
     naga::valid::Validator::new(
         naga::valid::ValidationFlags::all(),
-        naga::valid::Capabilities::empty(),
+        naga::valid::Capabilities::IMMEDIATES,
     )
     .validate(&module)
     .unwrap_or_else(|error| panic!("{}: {error:?}", kernel.name));
@@ -36,6 +36,13 @@ fn every_shader_is_valid_and_binds_what_its_kernel_declares() {
     for kernel in &KERNELS {
         let module = parse(kernel);
         assert!(module.entry_points.iter().any(|entry| entry.name == kernel.entry_point));
+        let immediates: Vec<_> = module
+            .global_variables
+            .iter()
+            .filter(|(_, variable)| variable.space == AddressSpace::Immediate)
+            .map(|(_, variable)| module.types[variable.ty].name.as_deref())
+            .collect();
+        assert_eq!(immediates, [Some("Pass")], "{}", kernel.name);
         let mut bound: Vec<_> = module
             .global_variables
             .iter()
@@ -44,7 +51,7 @@ fn every_shader_is_valid_and_binds_what_its_kernel_declares() {
                     AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => {
                         Access::Write
                     }
-                    AddressSpace::Storage { .. } | AddressSpace::Uniform => Access::Read,
+                    AddressSpace::Storage { .. } => Access::Read,
                     _ => return None,
                 };
                 let binding = variable.binding.as_ref()?.binding;
@@ -102,7 +109,7 @@ fn host_and_shaders_agree_on_every_struct() {
             gold,
         }
     );
-    compare_layout!(module, Run { cycles, flags, rate, always_awake });
+    compare_layout!(module, Run { cycles, flags, rate, tally });
     compare_layout!(module, Tile { session, page, row, shape });
     compare_layout!(module, Tally { last_change, active_tiles, mass_low, mass_high });
     compare_layout!(
@@ -150,6 +157,7 @@ fn shared_constants_are_the_same() {
         ("WAKE", layout::WAKE),
         ("PUBLISH", layout::PUBLISH),
         ("EDITED", layout::EDITED),
+        ("ALWAYS_AWAKE", layout::ALWAYS_AWAKE),
         ("DEPOSIT", layout::DEPOSIT),
     ] {
         let line = format!("const {name}: u32 = {value}u;");

@@ -1,7 +1,7 @@
 //! The server itself: health, its document, and how it stops.
 
 use crate::on_each_backend;
-use crate::support::{Server, small};
+use crate::support::{Server, slow, small};
 use firn::config::BackendChoice;
 use serde_json::json;
 
@@ -35,9 +35,7 @@ async fn it_says_how_it_is(backend: BackendChoice) {
 
 async fn it_stops_gracefully(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    let grid = json!({"width": 64, "depth": 64, "height": 50, "cell_size": 0.2});
-    let snow = json!([{"depth": 5.8}]);
-    let path = server.create(json!({"grid": grid, "paused": true, "initial_snow": snow})).await;
+    let path = server.create(slow()).await;
     let url = format!("{}{path}/step", server.url);
     let long = tokio::spawn(async move {
         let body = json!({"ticks": 1_000_000});

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::on_each_backend;
-use crate::support::{Options, Server, small};
+use crate::support::{Options, Server, slow, small};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
 
@@ -242,10 +242,7 @@ async fn a_step_can_be_refused(backend: BackendChoice) {
 
 async fn an_abandoned_step_ends_early(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    // A million ticks of this take much longer than the test does.
-    let grid = json!({"width": 64, "depth": 64, "height": 50, "cell_size": 0.2});
-    let snow = json!([{"depth": 5.8}]);
-    let path = server.create(json!({"grid": grid, "paused": true, "initial_snow": snow})).await;
+    let path = server.create(slow()).await;
     let url = format!("{}{path}/step", server.url);
     let body = json!({"ticks": 1_000_000});
     let long = tokio::spawn(async move {

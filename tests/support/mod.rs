@@ -312,3 +312,12 @@ pub fn small() -> Value {
         "initial_snow": [{"depth": 1.0}]
     })
 }
+
+/// Body of a session of which a million ticks take minutes on the fastest device: snow falls before
+/// each of them, so that each is a frame of its own.
+pub fn slow() -> Value {
+    let mut body = small();
+    body["snowfall_rate"] = json!(100);
+    body["time_scale"] = json!(10);
+    body
+}

@@ -1,5 +1,5 @@
 //! Where snowpacks live on the device: tables of tiles and columns for all of them, and pages of
-//! cells that are added as they fill and released when they are empty.
+//! cells.
 
 use std::ops::Range;
 
@@ -10,34 +10,12 @@ use super::buffer::Table;
 use super::device::Device;
 use super::kernels::Resource;
 use super::layout::{AWAKE, DIRTY, Tile};
+use super::pages::{Budget, Pages, Place, ROW_BYTES, extents};
 use super::ranges::Ranges;
 use super::tables::PACKED_BYTES;
 
-/// Bytes of one row of 64 cells in one of a page's four buffers.
-const ROW_BYTES: u64 = 4 * TILE_COLUMNS as u64;
-
-/// Rows of the smallest page.
-const SMALLEST_PAGE: u32 = 1 << 15;
-
 /// Tiles the tables begin with.
 const FIRST_TILES: u32 = 1 << 10;
-
-/// Cells of some tiles, in four buffers of one element for each cell.
-#[derive(Debug)]
-pub struct Page {
-    rows: Ranges,
-    /// Mass, thickness, temperature and stress.
-    pub cells: [wgpu::Buffer; 4],
-}
-
-/// Where a tile's cells are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
-    /// The page.
-    pub page: u32,
-    /// First row of 64 cells in it.
-    pub row: u32,
-}
 
 /// A snowpack's part of the arena.
 #[derive(Debug)]
@@ -57,11 +35,11 @@ pub struct Arena {
     /// Tables with a row for each tile: tiles, states; heights, filled slots and ground of each
     /// tile's columns.
     tables: [(Resource, Table); 5],
-    /// Pages by their numbers; the place of one that was released is free.
-    pub pages: Vec<Option<Page>>,
+    /// Cells.
+    pub pages: Pages,
     budget: u64,
-    /// Counts replacements of buffers, after which bindings have to be made anew.
-    pub generation: u64,
+    /// Counts replacements of tables.
+    replaced: u64,
 }
 
 /// Bytes for each tile in the tables, in the order of `Arena::tables`.
@@ -88,9 +66,9 @@ impl Arena {
         let arena = Arena {
             tiles: Ranges::new(FIRST_TILES),
             tables,
-            pages: Vec::new(),
+            pages: Pages::default(),
             budget,
-            generation: 0,
+            replaced: 0,
         };
         arena.disown(device, 0..FIRST_TILES);
         arena
@@ -106,15 +84,18 @@ impl Arena {
         self.tiles.end()
     }
 
-    /// Rows of a page's cells.
-    pub fn page_rows(&self, page: usize) -> u32 {
-        self.pages[page].as_ref().map_or(0, |page| page.rows.capacity())
+    /// Counts replacements of buffers, after which bindings have to be made anew.
+    pub fn generation(&self) -> u64 {
+        self.replaced + self.pages.generation
     }
 
     /// Bytes of device memory held for cells, and for the tables of the tiles in use.
     pub fn memory(&self) -> u64 {
-        let pages: u64 = (0..self.pages.len()).map(|p| page_bytes(self.page_rows(p))).sum();
-        pages + u64::from(self.tiles.end()) * TILE_BYTES.iter().sum::<u64>()
+        self.pages.bytes() + self.table_bytes()
+    }
+
+    fn table_bytes(&self) -> u64 {
+        u64::from(self.tiles.end()) * TILE_BYTES.iter().sum::<u64>()
     }
 
     /// Takes a part of the arena for an empty snowpack.
@@ -130,7 +111,8 @@ impl Arena {
         let count = layout.grid.tiles();
         let height = layout.grid.height;
         let tiles = self.take_tiles(device, count)?;
-        let places = match self.take_places(device, count, height) {
+        let budget = Budget { most: self.budget, beside: self.table_bytes() };
+        let places = match self.pages.take(device, count, height, budget) {
             Ok(places) => places,
             Err(error) => {
                 self.tiles.give_back(tiles);
@@ -146,21 +128,7 @@ impl Arena {
     pub fn give_back(&mut self, device: &Device, lot: Lot) {
         self.disown(device, lot.tiles.clone());
         self.tiles.give_back(lot.tiles);
-        self.give_back_places(&lot.places, lot.height);
-    }
-
-    fn give_back_places(&mut self, places: &[Place], height: u32) {
-        for place in places {
-            if let Some(page) = &mut self.pages[place.page as usize] {
-                page.rows.give_back(place.row..place.row + height);
-            }
-        }
-        for page in &mut self.pages {
-            if page.as_ref().is_some_and(|page| page.rows.is_empty()) {
-                *page = None;
-                self.generation += 1;
-            }
-        }
+        self.pages.give_back(&lot.places, lot.height);
     }
 
     fn take_tiles(&mut self, device: &Device, count: u32) -> Result<Range<u32>, EngineError> {
@@ -168,8 +136,8 @@ impl Arena {
             return Ok(tiles);
         }
         let old = self.tiles.capacity();
-        // All tiles may be published in one frame.
-        let most = device.largest_binding() / PACKED_BYTES;
+        // All tiles may be published in one frame, in a buffer with everything else that it leaves.
+        let most = device.largest_binding() / PACKED_BYTES / 2;
         let wanted = u64::from(old).saturating_mul(2).max(u64::from(old) + u64::from(count));
         let capacity = wanted.min(most);
         if capacity < u64::from(old) + u64::from(count) {
@@ -186,78 +154,17 @@ impl Arena {
         for ((_, table), larger) in self.tables.iter_mut().zip(larger) {
             table.move_to(larger, &device.device, &device.queue);
         }
-        self.generation += 1;
+        self.replaced += 1;
         self.tiles.grow(capacity as u32);
         self.disown(device, old..capacity as u32);
         self.tiles.take(count).ok_or_else(|| EngineError::OutOfMemory("no tiles".to_owned()))
-    }
-
-    /// Finds room for the cells of tiles: as many as fit in each page, new pages for the rest.
-    fn take_places(
-        &mut self,
-        device: &Device,
-        count: u32,
-        height: u32,
-    ) -> Result<Vec<Place>, EngineError> {
-        let mut places = Vec::with_capacity(count as usize);
-        while places.len() < count as usize {
-            let left = count - places.len() as u32;
-            let found = (0..).zip(&mut self.pages).find_map(|(number, page)| {
-                let rows = &mut page.as_mut()?.rows;
-                let fitting = (rows.longest() / height).min(left);
-                if fitting == 0 {
-                    return None;
-                }
-                rows.take(fitting * height).map(|taken| (number, taken))
-            });
-            if let Some((page, taken)) = found {
-                places.extend(taken.step_by(height as usize).map(|row| Place { page, row }));
-            } else if let Err(error) = self.add_page(device, left, height) {
-                self.give_back_places(&places, height);
-                return Err(error);
-            }
-        }
-        Ok(places)
-    }
-
-    /// Adds a page that holds `tiles` tiles, or as many as one binding does.
-    fn add_page(&mut self, device: &Device, tiles: u32, height: u32) -> Result<(), EngineError> {
-        let most = (device.largest_binding() / ROW_BYTES).min(u64::from(u32::MAX / TILE_COLUMNS));
-        let needed = (u64::from(tiles) * u64::from(height))
-            .min(most / u64::from(height) * u64::from(height));
-        // Pages grow with the arena, so that there are few of them to dispatch.
-        let held: u64 = (0..self.pages.len()).map(|p| u64::from(self.page_rows(p))).sum();
-        let ample = held.max(u64::from(SMALLEST_PAGE)).max(needed).min(most);
-        let available = self.budget.saturating_sub(self.memory()) / page_bytes(1);
-        let rows = ample.min(available.max(needed));
-        if needed > available || rows < u64::from(height) {
-            return Err(EngineError::OutOfMemory(format!(
-                "{} bytes for cells are needed; {} of the {} bytes that may be used are taken",
-                page_bytes(needed as u32),
-                self.memory(),
-                self.budget
-            )));
-        }
-        let (rows, cells) = match make_cells(device, rows) {
-            Ok(cells) => (rows, cells),
-            // What is needed may fit where an ample page doesn't.
-            Err(_) if rows > needed => (needed, make_cells(device, needed)?),
-            Err(error) => return Err(error),
-        };
-        let page = Some(Page { rows: Ranges::new(rows as u32), cells });
-        match self.pages.iter_mut().find(|page| page.is_none()) {
-            Some(free) => *free = page,
-            None => self.pages.push(page),
-        }
-        self.generation += 1;
-        Ok(())
     }
 
     /// Makes tiles those of an empty snowpack, whatever was there before.
     fn furnish(&self, device: &Device, slot: Slot, layout: &Layout, lot: &Lot) {
         let mut encoder = device.device.create_command_encoder(&Default::default());
         for extent in extents(&lot.places, lot.height) {
-            let Some(page) = &self.pages[extent.0 as usize] else { continue };
+            let Some(page) = self.pages.get(extent.0) else { continue };
             let bytes = u64::from(extent.1.end - extent.1.start) * ROW_BYTES;
             for cells in &page.cells {
                 encoder.clear_buffer(cells, u64::from(extent.1.start) * ROW_BYTES, Some(bytes));
@@ -292,7 +199,7 @@ impl Arena {
     /// Writes all cells of a snowpack, ahead of the next submit.
     pub fn restore(&self, device: &Device, lot: &Lot, tiles: &[TileCells]) {
         for (place, cells) in lot.places.iter().zip(tiles) {
-            let Some(page) = &self.pages[place.page as usize] else { continue };
+            let Some(page) = self.pages.get(place.page) else { continue };
             let planes: [&[u8]; 4] = [
                 bytemuck::cast_slice(&cells.mass),
                 bytemuck::cast_slice(&cells.thickness),
@@ -328,8 +235,8 @@ impl Arena {
             let rubbish = vec![0xa5_u8; rows.len() * bytes as usize];
             device.queue.write_buffer(buffer, u64::from(rows.start) * bytes, &rubbish);
         };
-        for page in self.pages.iter().flatten() {
-            for rows in page.rows.free() {
+        for page in self.pages.iter() {
+            for rows in page.free() {
                 page.cells.iter().for_each(|cells| fill(cells, &rows, ROW_BYTES));
             }
         }
@@ -353,39 +260,4 @@ impl Arena {
             device.queue.write_buffer(buffer, offset, bytemuck::cast_slice(rows));
         }
     }
-}
-
-/// The four buffers of a page.
-fn make_cells(device: &Device, rows: u64) -> Result<[wgpu::Buffer; 4], EngineError> {
-    let usage =
-        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-    device.allocate(|| {
-        ["mass", "thickness", "temperature", "stress"].map(|label| {
-            device.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size: rows * ROW_BYTES,
-                usage,
-                mapped_at_creation: false,
-            })
-        })
-    })
-}
-
-/// Bytes of the four buffers of a page.
-fn page_bytes(rows: u32) -> u64 {
-    4 * ROW_BYTES * u64::from(rows)
-}
-
-/// Runs of neighbouring places as a page and its rows.
-fn extents(places: &[Place], height: u32) -> Vec<(u32, Range<u32>)> {
-    let mut extents: Vec<(u32, Range<u32>)> = Vec::new();
-    for place in places {
-        match extents.last_mut() {
-            Some((page, rows)) if *page == place.page && rows.end == place.row => {
-                rows.end += height;
-            }
-            _ => extents.push((place.page, place.row..place.row + height)),
-        }
-    }
-    extents
 }

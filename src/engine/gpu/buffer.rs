@@ -109,9 +109,16 @@ impl Mail {
 
     /// Adds bytes, a multiple of 4 of them.
     pub fn write(&mut self, target: &wgpu::Buffer, offset: u64, bytes: &[u8]) {
-        if !bytes.is_empty() {
-            self.bytes.extend_from_slice(bytes);
-            self.parts.push((target.clone(), offset, bytes.len() as u64));
+        if bytes.is_empty() {
+            return;
+        }
+        self.bytes.extend_from_slice(bytes);
+        let count = bytes.len() as u64;
+        match self.parts.last_mut() {
+            Some((last, start, length)) if last == target && *start + *length == offset => {
+                *length += count;
+            }
+            _ => self.parts.push((target.clone(), offset, count)),
         }
     }
 
@@ -135,11 +142,13 @@ impl Mail {
     }
 }
 
-/// Rows written by the host anew for every submit.
+/// Rows that the host makes anew for every submit, and sends where they are not those of the last.
 #[derive(Debug)]
 pub struct Upload<T> {
     /// The rows of the submit that is being made.
     pub rows: Vec<T>,
+    /// Rows that the device has.
+    told: Vec<T>,
     table: Table,
 }
 
@@ -147,7 +156,11 @@ impl<T: Pod> Upload<T> {
     /// No rows.
     pub fn new(device: &wgpu::Device, label: &'static str, usage: wgpu::BufferUsages) -> Upload<T> {
         let usage = usage | wgpu::BufferUsages::COPY_DST;
-        Upload { rows: Vec::new(), table: Table::new(device, label, usage, SMALLEST) }
+        Upload {
+            rows: Vec::new(),
+            told: Vec::new(),
+            table: Table::new(device, label, usage, SMALLEST),
+        }
     }
 
     /// The buffer as it is now.
@@ -168,9 +181,12 @@ impl<T: Pod> Upload<T> {
 
     /// Gives the rows to the mail, and forgets them. Returns whether the buffer was replaced.
     pub fn flush(&mut self, device: &wgpu::Device, mail: &mut Mail) -> bool {
-        let bytes = bytemuck::cast_slice(&self.rows);
+        let bytes: &[u8] = bytemuck::cast_slice(&self.rows);
         let grew = self.table.reserve(device, bytes.len() as u64);
-        mail.write(self.table.buffer(), 0, bytes);
+        if grew || !bytemuck::cast_slice::<T, u8>(&self.told).starts_with(bytes) {
+            mail.write(self.table.buffer(), 0, bytes);
+            std::mem::swap(&mut self.rows, &mut self.told);
+        }
         self.rows.clear();
         grew
     }

@@ -6,7 +6,7 @@ use tracing::warn;
 
 use crate::engine::frame::{DeviceInfo, EngineError};
 
-use super::kernels::{KERNELS, Resource};
+use super::kernels::{KERNELS, PASS_BYTES};
 use super::stopwatch::STOPWATCH_FEATURES;
 
 /// A device, its queue, and the first thing that went wrong with it.
@@ -61,10 +61,18 @@ impl Device {
                 limits.max_storage_buffers_per_shader_stage
             ));
         }
+        let features = adapter.features();
+        if !features.contains(wgpu::Features::IMMEDIATES) || limits.max_immediate_size < PASS_BYTES
+        {
+            return Err(format!(
+                "it takes {} bytes of immediates; {PASS_BYTES} are needed",
+                limits.max_immediate_size
+            ));
+        }
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("firn"),
             required_limits: limits,
-            required_features: adapter.features() & STOPWATCH_FEATURES,
+            required_features: wgpu::Features::IMMEDIATES | (features & STOPWATCH_FEATURES),
             ..Default::default()
         }))
         .map_err(|error| error.to_string())?;
@@ -170,8 +178,5 @@ fn rank(device_type: wgpu::DeviceType) -> u32 {
 
 /// Most storage buffers that a kernel binds.
 fn most_storage_buffers() -> u32 {
-    let storage = |kernel: &super::kernels::Kernel| {
-        kernel.bindings.iter().filter(|(resource, _)| *resource != Resource::Work).count() as u32
-    };
-    KERNELS.iter().map(storage).max().unwrap_or(0)
+    KERNELS.iter().map(|kernel| kernel.bindings.len() as u32).max().unwrap_or(0)
 }

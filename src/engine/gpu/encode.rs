@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use crate::engine::frame::{Frame, Slot};
 
 use super::GpuBackend;
+use super::due::Due;
 use super::kernels::KernelId;
 use super::plan::{Dispatch, Planner};
 use super::profile::Profile;
@@ -21,7 +22,8 @@ impl GpuBackend {
         let last = rounds.pop().unwrap_or_default();
 
         self.tables.fit_to(&self.device, &self.arena);
-        let mut encoder = self.tables.begin_frame(&self.device, &totals);
+        self.tables.reserve_results(&self.device, &totals);
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
         if let Some(profile) = &mut self.profile {
             profile.begin(&mut encoder);
         }
@@ -36,13 +38,10 @@ impl GpuBackend {
             encoder = self.device.device.create_command_encoder(&Default::default());
         }
 
-        let tile_end = self.arena.tile_end();
-        let pages: Vec<u32> =
-            (0..self.arena.pages.len()).map(|page| self.arena.page_rows(page)).collect();
         let always_awake = self.always_awake;
         let (mut planner, residents) = self.planner(&mut evaluated);
         planner.edits(residents, last);
-        planner.runs(residents, &frame.work, running, tile_end, &pages, always_awake);
+        planner.runs(residents, &frame.work, running, always_awake);
         let loaded = frame.work.iter().zip(&parts).filter(|(_, part)| part.may_be_loaded);
         planner.loaded_runs(residents, loaded.map(|(work, _)| work));
         planner.reports(residents, &frame.work, &totals.groups);
@@ -86,7 +85,7 @@ impl GpuBackend {
             self.tables.bind(&self.device, &self.arena, &self.pipelines, kernel, page);
         }
         if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
-            self.tables.clear_schedule(encoder, &self.arena);
+            self.tables.due.clear(encoder);
         }
         if self.profile.as_ref().is_some_and(Profile::is_taking_times) {
             self.encode_timed(encoder, dispatches);
@@ -111,18 +110,18 @@ impl GpuBackend {
     }
 
     fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>, dispatch: &Dispatch) {
-        let offset = dispatch.pass * super::tables::PASS_STRIDE;
         let binding = self.tables.binding(dispatch.kernel, dispatch.page);
         pass.set_pipeline(&self.pipelines[dispatch.kernel as usize].pipeline);
-        pass.set_bind_group(0, binding, &[offset]);
+        pass.set_bind_group(0, binding, &[]);
+        pass.set_immediates(0, bytemuck::bytes_of(&dispatch.pass));
         match dispatch.groups {
             Some(groups) => {
                 let (x, y) = self.device.groups(groups);
                 pass.dispatch_workgroups(x, y, 1);
             }
             None => {
-                let arguments = self.tables.arguments.buffer();
-                pass.dispatch_workgroups_indirect(arguments, u64::from(dispatch.page) * 12);
+                let lists = self.tables.due.buffer();
+                pass.dispatch_workgroups_indirect(lists, Due::arguments_of(dispatch.page));
             }
         }
     }

@@ -5,8 +5,6 @@ use super::layout::Pass;
 /// A buffer that kernels bind, named as in their source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Resource {
-    /// Uniform: what the dispatch works on.
-    Work,
     /// Constants of each snowpack.
     Sessions,
     /// What each snowpack does in this frame.
@@ -27,8 +25,6 @@ pub enum Resource {
     PageStarts,
     /// Due tiles, page by page, and behind them the lists written by the host.
     Due,
-    /// Arguments of indirect dispatches, page by page.
-    Arguments,
     /// Objects of this frame.
     Colliders,
     /// Spans of columns under the objects.
@@ -75,6 +71,9 @@ pub enum Access {
     /// Read and written.
     Write,
 }
+
+/// Bytes of what every dispatch is told as an immediate: its [`Pass`].
+pub const PASS_BYTES: u32 = std::mem::size_of::<Pass>() as u32;
 
 /// One compute kernel.
 #[derive(Debug)]
@@ -124,7 +123,6 @@ pub const KERNELS: [Kernel; 8] = [
         entry_point: "snowfall",
         source: &[LAYOUT, WIDE, include_str!("../../../shaders/snowfall.wgsl")],
         bindings: &[
-            (Work, Read),
             (Sessions, Read),
             (Tiles, Read),
             (States, Write),
@@ -145,7 +143,6 @@ pub const KERNELS: [Kernel; 8] = [
         entry_point: "contact",
         source: &[LAYOUT, include_str!("../../../shaders/contact.wgsl")],
         bindings: &[
-            (Work, Read),
             (Sessions, Read),
             (Runs, Read),
             (Heights, Read),
@@ -160,7 +157,6 @@ pub const KERNELS: [Kernel; 8] = [
         entry_point: "evaluate_stress",
         source: &[LAYOUT, include_str!("../../../shaders/stress.wgsl")],
         bindings: &[
-            (Work, Read),
             (Sessions, Read),
             (Runs, Read),
             (Tiles, Read),
@@ -182,22 +178,13 @@ pub const KERNELS: [Kernel; 8] = [
         name: "schedule",
         entry_point: "schedule",
         source: &[LAYOUT, include_str!("../../../shaders/schedule.wgsl")],
-        bindings: &[
-            (Work, Read),
-            (Runs, Read),
-            (Tiles, Read),
-            (States, Write),
-            (PageStarts, Read),
-            (Due, Write),
-            (Arguments, Write),
-        ],
+        bindings: &[(Runs, Read), (Tiles, Read), (States, Write), (PageStarts, Read), (Due, Write)],
     },
     Kernel {
         name: "compact",
         entry_point: "compact",
         source: &[LAYOUT, MATERIAL, include_str!("../../../shaders/compact.wgsl")],
         bindings: &[
-            (Work, Read),
             (Sessions, Read),
             (Runs, Read),
             (Tiles, Read),
@@ -217,7 +204,6 @@ pub const KERNELS: [Kernel; 8] = [
         entry_point: "publish",
         source: &[LAYOUT, include_str!("../../../shaders/publish.wgsl")],
         bindings: &[
-            (Work, Read),
             (Runs, Read),
             (Tiles, Read),
             (States, Write),
@@ -232,14 +218,13 @@ pub const KERNELS: [Kernel; 8] = [
         name: "tally",
         entry_point: "tally",
         source: &[LAYOUT, include_str!("../../../shaders/tally.wgsl")],
-        bindings: &[(Work, Read), (Tiles, Read), (Filled, Read), (Tallies, Write), (Mass, Read)],
+        bindings: &[(Tiles, Read), (Filled, Read), (Runs, Read), (Tallies, Write), (Mass, Read)],
     },
     Kernel {
         name: "sample",
         entry_point: "sample",
         source: &[LAYOUT, MATERIAL, include_str!("../../../shaders/sample.wgsl")],
         bindings: &[
-            (Work, Read),
             (Sessions, Read),
             (Tiles, Read),
             (Filled, Read),
@@ -279,7 +264,7 @@ impl Kernel {
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(self.name),
             bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
+            immediate_size: PASS_BYTES,
         });
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(self.name),
@@ -297,24 +282,14 @@ impl Kernel {
     }
 }
 
-fn layout_entry(
-    binding: u32,
-    &(resource, access): &(Resource, Access),
-) -> wgpu::BindGroupLayoutEntry {
-    let uniform = resource == Resource::Work;
-    let ty = if uniform {
-        wgpu::BufferBindingType::Uniform
-    } else {
-        wgpu::BufferBindingType::Storage { read_only: access == Access::Read }
-    };
-    let size = std::mem::size_of::<Pass>() as u64;
+fn layout_entry(binding: u32, &(_, access): &(Resource, Access)) -> wgpu::BindGroupLayoutEntry {
     wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
         ty: wgpu::BindingType::Buffer {
-            ty,
-            has_dynamic_offset: uniform,
-            min_binding_size: if uniform { wgpu::BufferSize::new(size) } else { None },
+            ty: wgpu::BufferBindingType::Storage { read_only: access == Access::Read },
+            has_dynamic_offset: false,
+            min_binding_size: None,
         },
         count: None,
     }

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::engine::frame::{Layout, Slot};
 use crate::snow::{CELL, Grid, Material, gold_prefactor};
 
-use super::arena::Place;
+use super::pages::Place;
 
 /// `Run.flags`: all tiles are to be woken.
 pub const WAKE: u32 = 1;
@@ -13,6 +13,8 @@ pub const WAKE: u32 = 1;
 pub const PUBLISH: u32 = 2;
 /// `Run.flags`: contacts have been evaluated after the edits of this frame.
 pub const EDITED: u32 = 4;
+/// `Run.flags`: no tile sleeps.
+pub const ALWAYS_AWAKE: u32 = 8;
 /// A tile's state: a cell changed in the last cycle, or was disturbed since.
 pub const AWAKE: u32 = 1;
 /// A tile's state: a height changed since the last publication.
@@ -94,12 +96,12 @@ impl Session {
 pub struct Run {
     /// Cycles.
     pub cycles: u32,
-    /// [`WAKE`] and [`PUBLISH`].
+    /// [`WAKE`], [`PUBLISH`], [`EDITED`] and [`ALWAYS_AWAKE`].
     pub flags: u32,
     /// Cycle length over the reference cell size \[s/m\].
     pub rate: f32,
-    /// Keeps all tiles awake where it is not 0.
-    pub always_awake: u32,
+    /// Its row in the table of sums.
+    pub tally: u32,
 }
 
 /// Where a tile is.

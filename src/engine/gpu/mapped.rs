@@ -1,5 +1,6 @@
 //! Results read where the device left them.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::engine::frame::EngineError;
@@ -11,7 +12,7 @@ pub struct Mapped {
     /// `None` only while it is dropped.
     view: Option<wgpu::BufferView>,
     buffer: wgpu::Buffer,
-    kept: usize,
+    kept: Range<usize>,
     /// Tells the buffer's owner that it is read.
     _reader: Arc<()>,
 }
@@ -28,19 +29,19 @@ impl Mapped {
         Ok(Mapped {
             view: Some(view),
             buffer: buffer.clone(),
-            kept: bytes as usize,
+            kept: 0..bytes as usize,
             _reader: reader,
         })
     }
 
-    /// Leaves only the first bytes.
-    pub fn keep(&mut self, bytes: u64) {
-        self.kept = bytes as usize;
+    /// Leaves only some bytes.
+    pub fn keep(&mut self, bytes: Range<usize>) {
+        self.kept = bytes;
     }
 
     /// What is mapped.
     pub fn bytes(&self) -> &[u8] {
-        self.view.as_deref().map_or(&[], |view| &view[..self.kept])
+        self.view.as_deref().map_or(&[], |view| &view[self.kept.clone()])
     }
 }
 

@@ -9,9 +9,11 @@ use crate::snow::{ColumnRect, Contact, REFERENCE_CELL_SIZE};
 
 use super::arena::Arena;
 use super::device::Device;
+use super::due::Due;
 use super::kernels::KernelId;
 use super::layout::{
-    CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run, SampleJob, Tile, WAKE,
+    ALWAYS_AWAKE, CLEAR, DEPOSIT, EDITED, EditJob, LoadJob, Operation, PUBLISH, Pass, Run,
+    SampleJob, Tile, WAKE,
 };
 use super::resident::{Body, Resident, Residents};
 use super::tables::Tables;
@@ -26,8 +28,8 @@ pub struct Dispatch {
     pub kernel: KernelId,
     /// The page; 0 for kernels that bind no cells.
     pub page: u32,
-    /// Row of the uniform table.
-    pub pass: u32,
+    /// What it works on.
+    pub pass: Pass,
     /// Workgroups, or none where the schedule says how many.
     pub groups: Option<u32>,
 }
@@ -240,47 +242,40 @@ impl Planner<'_> {
         residents: &Residents,
         work: &[Work],
         running_tiles: usize,
-        tile_end: u32,
-        pages: &[u32],
         always_awake: bool,
     ) {
-        self.tables.runs.fill(Run::default());
-        for work in work {
-            let flag = |set: bool, flag: u32| if set { flag } else { 0 };
+        let flag = |set: bool, flag: u32| if set { flag } else { 0 };
+        let run = |(tally, work): (u32, &Work)| {
             let flags = flag(work.wake, WAKE)
                 | flag(work.publish, PUBLISH)
-                | flag(self.evaluated.contains(&work.slot), EDITED);
-            self.tables.runs[work.slot as usize] = Run {
-                cycles: work.run.cycles,
-                flags,
-                rate: (work.run.dt / REFERENCE_CELL_SIZE) as f32,
-                always_awake: u32::from(always_awake),
-            };
-        }
+                | flag(self.evaluated.contains(&work.slot), EDITED)
+                | flag(always_awake, ALWAYS_AWAKE);
+            let rate = (work.run.dt / REFERENCE_CELL_SIZE) as f32;
+            (work.slot, Run { cycles: work.run.cycles, flags, rate, tally })
+        };
+        self.tables.runs.set((0..).zip(work).map(run));
         let wakes = work.iter().any(|work| work.wake);
         if wakes || running_tiles > FEW_TILES {
-            self.scheduled_runs(work, tile_end, pages);
+            self.scheduled_runs(work);
         } else {
-            self.listed_runs(residents, work);
+            self.listed_runs(residents, work, running_tiles);
         }
     }
 
     /// Tiles without objects, those that are due and awake listed by the device.
-    fn scheduled_runs(&mut self, work: &[Work], tile_end: u32, pages: &[u32]) {
+    fn scheduled_runs(&mut self, work: &[Work]) {
+        let tile_end = self.arena.tile_end();
         let pass = Pass { count: tile_end, ..Pass::default() };
         self.dispatch(KernelId::Schedule, 0, pass, tile_end.div_ceil(64));
         let cycles = work.iter().map(|work| work.run.cycles).max().unwrap_or(0);
         for part in self.parts(cycles) {
             let backwards = *self.turns % 2;
             *self.turns = self.turns.wrapping_add(1);
-            let mut first = pages.len() as u32;
-            for (page, &rows) in (0..).zip(pages) {
-                if rows > 0 {
-                    let pass = self.tables.pass(Pass { first, length: page, backwards, ..part });
-                    let kernel = KernelId::Compact;
-                    self.dispatches.push(Dispatch { kernel, page, pass, groups: None });
-                }
-                first += rows;
+            for (page, _) in (0..).zip(self.arena.pages.rows()).filter(|&(_, rows)| rows > 0) {
+                let (first, length) = (self.tables.due.first_of(page), Due::length_of(page));
+                let pass = Pass { first, length, backwards, ..part };
+                let kernel = KernelId::Compact;
+                self.dispatches.push(Dispatch { kernel, page, pass, groups: None });
             }
         }
     }
@@ -295,13 +290,14 @@ impl Planner<'_> {
 
     /// Tiles without objects, all that are due listed by the host: where they are few, that is
     /// faster than to ask the device which of them are awake.
-    fn listed_runs(&mut self, residents: &Residents, work: &[Work]) {
+    fn listed_runs(&mut self, residents: &Residents, work: &[Work], count: usize) {
         let mut lists: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for work in work.iter().filter(|work| work.run.cycles > 0) {
             let Some(resident) = residents.get(work.slot) else { continue };
             for (tile, place) in (0..).zip(&resident.lot.places) {
                 if !resident.loads.contains_key(&tile) {
-                    lists.entry(place.page).or_default().push(resident.lot.tiles.start + tile);
+                    let list = lists.entry(place.page).or_insert_with(|| Vec::with_capacity(count));
+                    list.push(resident.lot.tiles.start + tile);
                 }
             }
         }
@@ -309,21 +305,12 @@ impl Planner<'_> {
         let parts = self.parts(cycles);
         for (page, tiles) in lists {
             let count = tiles.len() as u32;
-            let length = self.list(tiles);
+            let length = self.tables.due.list(tiles);
             for &part in &parts {
                 let pass = Pass { first: length + 1, length, ..part };
                 self.dispatch(KernelId::Compact, page, pass, count);
             }
         }
-    }
-
-    /// Adds a list of tiles for `compact`, led by its length, and returns where that stands.
-    fn list(&mut self, tiles: impl IntoIterator<Item = u32, IntoIter: ExactSizeIterator>) -> u32 {
-        let first = self.tables.host_lists + self.tables.lists.len() as u32;
-        let tiles = tiles.into_iter();
-        self.tables.lists.push(tiles.len() as u32);
-        self.tables.lists.extend(tiles);
-        first
     }
 
     /// Plans the cycles on tiles under objects: one after another, with contacts and stresses
@@ -353,19 +340,26 @@ impl Planner<'_> {
         for (&page, jobs) in &jobs {
             let first_job = self.tables.load_jobs.len();
             self.tables.load_jobs.rows.extend(jobs.iter().map(|(_, job)| *job));
-            let length = self.list(jobs.iter().map(|(_, job)| job.tile));
+            let length = self.tables.due.list(jobs.iter().map(|(_, job)| job.tile));
             lists.push((page, first_job, length, jobs));
         }
+        let edited = running.iter().all(|(_, slot, _)| self.evaluated.contains(slot));
         for cycle in 0..most {
+            // Nothing has moved since the edits.
+            let known = cycle == 0 && edited;
             let pass = Pass { cycle, cycles: 1, ..Pass::default() };
             let count = colliders.partition_point(|&cycles| cycles > cycle) as u32;
-            let contact = Pass { first: first_collider, count, ..pass };
-            self.dispatch(KernelId::Contact, 0, contact, count);
+            if !known {
+                let contact = Pass { first: first_collider, count, ..pass };
+                self.dispatch(KernelId::Contact, 0, contact, count);
+            }
             for &(page, first_job, length, jobs) in &lists {
                 let count = jobs.partition_point(|&(cycles, _)| cycles > cycle) as u32;
                 if count > 0 {
-                    let stress = Pass { first: first_job, count, ..pass };
-                    self.dispatch(KernelId::Stress, page, stress, count);
+                    if !known {
+                        let stress = Pass { first: first_job, count, ..pass };
+                        self.dispatch(KernelId::Stress, page, stress, count);
+                    }
                     let compact = Pass { first: length + 1, length, count, ..pass };
                     self.dispatch(KernelId::Compact, page, compact, count);
                 }
@@ -418,7 +412,6 @@ impl Planner<'_> {
 
     fn dispatch(&mut self, kernel: KernelId, page: u32, pass: Pass, groups: u32) {
         if groups > 0 {
-            let pass = self.tables.pass(pass);
             self.dispatches.push(Dispatch { kernel, page, pass, groups: Some(groups) });
         }
     }

@@ -1,5 +1,6 @@
 //! What a frame left on the device, copied out without ever blocking the frame itself.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
@@ -8,11 +9,13 @@ use crate::engine::frame::{EngineError, Outcome, TileCells};
 use crate::engine::published::Published;
 use crate::snow::TILE_COLUMNS;
 
-use super::arena::{Arena, Place};
+use super::arena::Arena;
 use super::buffer::Table;
 use super::device::Device;
 use super::mapped::Mapped;
+use super::pages::Place;
 use super::report::{Copies, Reader, Reports};
+use super::results::Section;
 use super::survey::Totals;
 use super::tables::{PACKED_BYTES, Tables};
 
@@ -79,7 +82,7 @@ impl Readback {
         self.table.reserve(&device.device, bytes);
     }
 
-    /// Encodes the copies out of a frame's results.
+    /// Encodes the copies out of a frame's results, after which those are cleared.
     pub fn copy(
         &mut self,
         device: &Device,
@@ -89,17 +92,15 @@ impl Readback {
     ) {
         // Publications are much alike: what the last one needed is mostly enough.
         let copies = Copies::new(totals, tables, (2 * self.last_packed).max(FEWEST_PACKED));
-        let sources = copies.sources(tables);
-        let bytes = sources.iter().map(|(_, bytes)| bytes).sum::<u64>();
+        let bytes = copies.sources(tables).map(|(_, bytes)| bytes.end - bytes.start).sum();
         self.reserve(device, bytes);
         let target = self.table.buffer();
         let mut offset = 0;
-        for (source, bytes) in sources {
-            if bytes > 0 {
-                encoder.copy_buffer_to_buffer(source, 0, target, offset, bytes);
-                offset += bytes;
-            }
+        for (source, Range { start, end }) in copies.sources(tables) {
+            encoder.copy_buffer_to_buffer(source, start, target, offset, end - start);
+            offset += end - start;
         }
+        tables.results.clear(encoder, &copies.results);
         self.planned = Some((copies, bytes));
     }
 
@@ -135,12 +136,14 @@ impl Readback {
         if copies.packable > 0 {
             self.last_packed = packed;
         }
+        let mut first = copies.results.place(Section::Packed).start;
         if packed > copies.packed {
             drop(mapped);
             mapped = self.fetch_packed(device, tables, packed)?;
+            first = 0;
         }
         if packed > 0 {
-            mapped.keep(packed * PACKED_BYTES);
+            mapped.keep(first..first + (packed * PACKED_BYTES) as usize);
             outcome.published = Published::new(copies.groups.start, groups, Box::new(mapped));
         } else {
             drop(mapped);
@@ -178,7 +181,7 @@ impl Readback {
             let mut encoder = device.device.create_command_encoder(&Default::default());
             let mut offset = 0;
             for (place, _) in portion {
-                let Some(page) = &arena.pages[place.page as usize] else { continue };
+                let Some(page) = arena.pages.get(place.page) else { continue };
                 let first = u64::from(place.row) * u64::from(TILE_COLUMNS) * 4;
                 for cells in &page.cells {
                     let target = self.table.buffer();
@@ -228,7 +231,8 @@ impl Readback {
         self.reserve(device, bytes);
         let mut encoder = device.device.create_command_encoder(&Default::default());
         let target = self.table.buffer();
-        encoder.copy_buffer_to_buffer(tables.packed.buffer(), 0, target, 0, bytes);
+        let (source, first) = (tables.results.buffer(), tables.results.start(Section::Packed));
+        encoder.copy_buffer_to_buffer(source, first, target, 0, bytes);
         self.fetch_now(device, encoder, bytes)
     }
 }

@@ -10,17 +10,18 @@ use crate::engine::published::Group;
 use crate::parallel;
 use crate::snow::Sample;
 
-use super::arena::Place;
 use super::layout::{self, join};
+use super::pages::Place;
 use super::resident::Residents;
+use super::results::{Extent, Section};
 use super::survey::{Part, Totals};
-use super::tables::{PACKED_BYTES, Tables};
+use super::tables::Tables;
 
 /// What is copied out, in order.
 #[derive(Debug)]
 pub struct Copies {
-    edits: u64,
-    tallies: u64,
+    /// Which results.
+    pub results: Extent,
     contacts: u64,
     /// Most tiles that may be packed.
     pub packable: u64,
@@ -110,53 +111,49 @@ impl Copies {
     /// What is copied out of a frame's results, `most_packed` of the tiles that may be packed at the
     /// most.
     pub fn new(totals: Totals, tables: &Tables, most_packed: u64) -> Copies {
+        let packed = totals.tiles.min(most_packed);
         Copies {
-            edits: u64::from(totals.edits),
-            tallies: tables.runs.len() as u64,
+            results: tables.results.extent(&totals, packed),
             contacts: if totals.contacts { u64::from(tables.contact_end()) } else { 0 },
             packable: totals.tiles,
-            packed: totals.tiles.min(most_packed),
+            packed,
             groups: totals.groups,
             samples: totals.samples,
         }
     }
 
-    /// What is copied out and how many bytes of it, the packed heights first.
-    pub fn sources<'a>(&self, tables: &'a Tables) -> [(&'a wgpu::Buffer, u64); 7] {
-        fn bytes<T>(count: u64) -> u64 {
-            count * std::mem::size_of::<T>() as u64
+    /// What is copied out: buffers, and the bytes of each.
+    pub fn sources<'a>(
+        &'a self,
+        tables: &'a Tables,
+    ) -> impl Iterator<Item = (&'a wgpu::Buffer, Range<u64>)> {
+        fn rows<T>(count: u64) -> Range<u64> {
+            0..count * std::mem::size_of::<T>() as u64
         }
-        let groups = self.groups.len() as u64;
-        [
-            (tables.packed.buffer(), self.packed * PACKED_BYTES),
-            (tables.packed_groups.buffer(), bytes::<layout::PackedGroup>(groups)),
-            (tables.packed_count.buffer(), bytes::<u32>(self.count_words())),
-            (tables.tallies.buffer(), bytes::<layout::Tally>(self.tallies)),
-            (tables.operation_results.buffer(), bytes::<layout::OperationResult>(self.edits)),
-            (tables.contacts.buffer(), bytes::<layout::Contact>(self.contacts)),
-            (tables.samples.buffer(), bytes::<Sample>(self.samples)),
-        ]
-    }
-
-    /// Words of the number of packed tiles: none where nothing publishes.
-    fn count_words(&self) -> u64 {
-        u64::from(!self.groups.is_empty())
+        let others = [
+            (tables.contacts.buffer(), rows::<layout::Contact>(self.contacts)),
+            (tables.samples.buffer(), rows::<Sample>(self.samples)),
+        ];
+        let results = self.results.pieces().map(|piece| (tables.results.buffer(), piece));
+        results.chain(others).filter(|(_, bytes)| !bytes.is_empty())
     }
 
     /// The outcome without heights, the groups of packed tiles, and how many were packed in all.
     pub fn outcome(&self, reports: &Reports, bytes: &[u8]) -> (Outcome, Vec<Group>, u64) {
-        let mut reader = Reader(&bytes[(self.packed * PACKED_BYTES) as usize..]);
-        let groups: &[layout::PackedGroup] = reader.slice(self.groups.len() as u64);
-        let count = reader.slice::<u32>(self.count_words()).first().copied().unwrap_or(0);
-        let tallies: &[layout::Tally] = reader.slice(self.tallies);
-        let results: &[layout::OperationResult] = reader.slice(self.edits);
+        let mut reader = Reader(bytes);
+        let results: &[u8] = reader.slice(self.results.pieces().map(|p| p.end - p.start).sum());
+        let section = |section| &results[self.results.place(section)];
+        let groups: &[layout::PackedGroup] = bytemuck::cast_slice(section(Section::PackedGroups));
+        let count: &[u32] = bytemuck::cast_slice(section(Section::PackedCount));
+        let tallies: &[layout::Tally] = bytemuck::cast_slice(section(Section::Tallies));
+        let operations: &[layout::OperationResult] =
+            bytemuck::cast_slice(section(Section::Operations));
         let contacts: &[layout::Contact] = reader.slice(self.contacts);
         let samples: &[Sample] = reader.slice(self.samples);
-        let of = |work: &Report| {
-            let tally = tallies[work.slot as usize];
+        let of = |(work, tally): (&Report, &layout::Tally)| {
             let contact =
                 |(id, row): &(Arc<str>, u32)| (id.clone(), contacts[*row as usize].into());
-            let edits = &results[work.edits.start as usize..work.edits.end as usize];
+            let edits = &operations[work.edits.start as usize..work.edits.end as usize];
             let sample =
                 |range: &Range<u64>| samples[range.start as usize..range.end as usize].to_vec();
             WorkOutcome {
@@ -171,12 +168,13 @@ impl Copies {
                 samples: work.samples.iter().map(sample).collect(),
             }
         };
-        let work = parallel::each(reports.work.iter().collect(), of);
+        let work = parallel::each(reports.work.iter().zip(tallies).collect(), of);
         let outcome = Outcome { work, ..Outcome::default() };
         let group = |row: &layout::PackedGroup| Group {
             changed: join(row.changed_low, row.changed_high),
             first: row.first,
         };
-        (outcome, groups.iter().map(group).collect(), count.into())
+        let packed = count.first().map_or(0, |&count| count.into());
+        (outcome, groups.iter().map(group).collect(), packed)
     }
 }

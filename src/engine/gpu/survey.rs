@@ -37,6 +37,8 @@ pub struct Part {
 /// How much the work of a frame is.
 #[derive(Clone, Debug, Default)]
 pub struct Totals {
+    /// Snowpacks.
+    pub work: u64,
     /// Edits.
     pub edits: u32,
     /// Most tiles that can be published, and the groups of 64 that they are among.
@@ -72,6 +74,7 @@ impl Survey {
         let totals = &mut self.totals;
         let first = totals.edits;
         totals.edits += work.edits.len() as u32;
+        totals.work += 1;
         let may_be_loaded = loaded || !work.edits.is_empty();
         if work.publish {
             let own = tiles.start / 64..tiles.end.div_ceil(64);

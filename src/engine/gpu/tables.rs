@@ -8,50 +8,31 @@ use crate::snow::{Sample, TILE_COLUMNS};
 use super::arena::Arena;
 use super::buffer::{Mail, Table, Upload};
 use super::device::Device;
+use super::due::Due;
 use super::kernels::{KERNELS, KernelId, Pipeline, Resource};
-use super::layout::{self, Pass};
+use super::layout;
 use super::ranges::Ranges;
 use super::resident::Body;
+use super::results::{Results, Section};
+use super::runs::Runs;
 use super::survey::Totals;
-
-/// Bytes from one row of the uniform table to the next; a dynamic offset has to be a multiple.
-pub const PASS_STRIDE: u32 = 256;
 
 /// Bytes of a packed tile's heights.
 pub const PACKED_BYTES: u64 = 4 * TILE_COLUMNS as u64;
-
-/// A row of the uniform table, as far apart as the device asks for.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct PassRow {
-    pass: Pass,
-    padding: [u32; 56],
-}
 
 /// The buffers.
 #[derive(Debug)]
 pub struct Tables {
     sessions: Table,
-    /// What each snowpack does in this frame, by its slot.
-    pub runs: Vec<layout::Run>,
-    runs_buffer: Table,
-    /// Sums over each snowpack.
-    pub tallies: Table,
+    /// What each snowpack does in this frame.
+    pub runs: Runs,
     /// How each object touches the snow.
     pub contacts: Table,
     contact_rows: Ranges,
-    page_starts: Table,
-    due: Table,
-    /// Arguments of the indirect dispatches.
-    pub arguments: Table,
-    /// First word of the lists in `due` that the host writes.
-    pub host_lists: u32,
-    /// Lists of tiles, each led by its length.
-    pub lists: Vec<u32>,
+    /// Lists of tiles.
+    pub due: Due,
     /// Rows of the arena's table of tiles that have changed.
     pub tile_rows: Vec<(u32, layout::Tile)>,
-    /// What each dispatch works on.
-    pub passes: Upload<PassRow>,
     /// Objects.
     pub colliders: Upload<layout::Collider>,
     /// Spans of columns under objects.
@@ -66,18 +47,12 @@ pub struct Tables {
     pub operations: Upload<layout::Operation>,
     /// Which of it touches each of those tiles.
     pub operation_lists: Upload<u32>,
-    /// What was refused or cleared.
-    pub operation_results: Table,
     /// Boxes of the fixed grid that are asked for.
     pub sample_jobs: Upload<layout::SampleJob>,
     /// Cells of the fixed grid.
     pub samples: Table,
-    /// Number of packed tiles.
-    pub packed_count: Table,
-    /// Which tiles are packed.
-    pub packed_groups: Table,
-    /// Packed tiles.
-    pub packed: Table,
+    /// What frames leave for the host.
+    pub results: Results,
     /// What the host says in the next submit.
     pub mail: Mail,
     bindings: HashMap<(KernelId, u32), wgpu::BindGroup>,
@@ -95,18 +70,11 @@ impl Tables {
         };
         Tables {
             sessions: table("sessions", Usage::empty()),
-            runs: Vec::new(),
-            runs_buffer: table("runs", Usage::empty()),
-            tallies: table("tallies", Usage::empty()),
+            runs: Runs::new(table("runs", Usage::empty())),
             contacts: table("contacts", Usage::empty()),
             contact_rows: Ranges::default(),
-            page_starts: table("page starts", Usage::empty()),
-            due: table("due", Usage::empty()),
-            arguments: table("arguments", Usage::INDIRECT),
-            host_lists: 0,
-            lists: Vec::new(),
+            due: Due::new(table("due", Usage::INDIRECT), table("page starts", Usage::empty())),
             tile_rows: Vec::new(),
-            passes: Upload::new(device, "passes", Usage::UNIFORM),
             colliders: Upload::new(device, "colliders", Usage::STORAGE),
             spans: Upload::new(device, "spans", Usage::STORAGE),
             load_jobs: Upload::new(device, "load jobs", Usage::STORAGE),
@@ -116,10 +84,7 @@ impl Tables {
             operation_lists: Upload::new(device, "operation lists", Usage::STORAGE),
             sample_jobs: Upload::new(device, "sample jobs", Usage::STORAGE),
             samples: table("samples", Usage::empty()),
-            operation_results: table("operation results", Usage::empty()),
-            packed_count: table("packed count", Usage::empty()),
-            packed_groups: table("packed groups", Usage::empty()),
-            packed: table("packed", Usage::empty()),
+            results: Results::new(table("results", Usage::empty())),
             mail: Mail::new(device),
             bindings: HashMap::new(),
             arena_generation: u64::MAX,
@@ -134,9 +99,7 @@ impl Tables {
             self.sessions.grow(&device.device, &device.queue, needed.next_power_of_two());
             self.bindings.clear();
         }
-        if self.runs.len() <= slot as usize {
-            self.runs.resize(slot as usize + 1, layout::Run::default());
-        }
+        self.runs.reserve(slot);
         let offset = u64::from(slot) * bytes;
         device.queue.write_buffer(self.sessions.buffer(), offset, bytemuck::bytes_of(row));
     }
@@ -174,57 +137,24 @@ impl Tables {
         self.contact_rows.end()
     }
 
-    /// Adds a row to the uniform table and returns its number.
-    pub fn pass(&mut self, pass: Pass) -> u32 {
-        self.passes.push(PassRow { pass, padding: [0; 56] })
-    }
-
     /// Lays the list of due tiles out for the pages there are.
     pub fn fit_to(&mut self, device: &Device, arena: &Arena) {
-        if self.arena_generation == arena.generation {
+        if self.arena_generation == arena.generation() {
             return;
         }
-        self.arena_generation = arena.generation;
+        self.arena_generation = arena.generation();
         self.bindings.clear();
-        let mut starts = Vec::with_capacity(arena.pages.len());
-        // The lengths of the lists come first, so that they are cleared at once.
-        self.host_lists = arena.pages.len() as u32;
-        for page in 0..arena.pages.len() {
-            starts.push(self.host_lists);
-            // No tile has less than one row of cells.
-            self.host_lists += arena.page_rows(page);
-        }
-        let bytes: &[u8] = bytemuck::cast_slice(&starts);
-        self.page_starts.reserve(&device.device, bytes.len() as u64);
-        device.queue.write_buffer(self.page_starts.buffer(), 0, bytes);
-        self.arguments.reserve(&device.device, arena.pages.len() as u64 * 12);
+        self.due.fit_to(device, arena);
     }
 
-    /// Makes room for a frame's results and clears them.
-    pub fn begin_frame(&mut self, device: &Device, totals: &Totals) -> wgpu::CommandEncoder {
-        let (edits, groups) = (u64::from(totals.edits), totals.groups.len() as u64);
-        let d = &device.device;
-        let tally = std::mem::size_of::<layout::Tally>() as u64;
-        let group = std::mem::size_of::<layout::PackedGroup>() as u64;
-        let grew = [
-            self.tallies.reserve(d, self.runs.len() as u64 * tally),
-            self.operation_results.reserve(d, edits * 8),
-            self.packed_groups.reserve(d, groups * group),
-            self.packed.reserve(d, totals.tiles * PACKED_BYTES),
-            self.samples.reserve(d, totals.samples * std::mem::size_of::<Sample>() as u64),
-        ];
+    /// Makes room for a frame's results.
+    pub fn reserve_results(&mut self, device: &Device, totals: &Totals) {
+        let samples = totals.samples * std::mem::size_of::<Sample>() as u64;
+        let grew =
+            [self.results.reserve(device, totals), self.samples.reserve(&device.device, samples)];
         if grew.contains(&true) {
             self.bindings.clear();
         }
-        let mut encoder = d.create_command_encoder(&Default::default());
-        encoder.clear_buffer(self.tallies.buffer(), 0, None);
-        if edits > 0 {
-            encoder.clear_buffer(self.operation_results.buffer(), 0, None);
-        }
-        if groups > 0 {
-            encoder.clear_buffer(self.packed_count.buffer(), 0, None);
-        }
-        encoder
     }
 
     /// Encodes everything that the host has to say in this submit.
@@ -236,9 +166,7 @@ impl Tables {
                 mail.write(tiles, u64::from(tile) * bytes.len() as u64, bytes);
             }
         }
-        let lists = u64::from(self.host_lists) * 4;
         let grew = [
-            self.passes.flush(d, mail),
             self.colliders.flush(d, mail),
             self.spans.flush(d, mail),
             self.load_jobs.flush(d, mail),
@@ -247,23 +175,14 @@ impl Tables {
             self.operations.flush(d, mail),
             self.operation_lists.flush(d, mail),
             self.sample_jobs.flush(d, mail),
-            self.due.reserve(d, lists + self.lists.len() as u64 * 4),
-            self.runs_buffer.reserve(d, self.runs.len() as u64 * 16),
+            self.due.flush(d, mail),
+            self.runs.flush(d, mail),
         ]
         .contains(&true);
         if grew {
             self.bindings.clear();
         }
-        mail.write(self.due.buffer(), lists, bytemuck::cast_slice(&self.lists));
-        mail.write(self.runs_buffer.buffer(), 0, bytemuck::cast_slice(&self.runs));
         mail.send(encoder);
-        self.lists.clear();
-    }
-
-    /// Clears the lists of due tiles and the arguments made of their lengths.
-    pub fn clear_schedule(&self, encoder: &mut wgpu::CommandEncoder, arena: &Arena) {
-        encoder.clear_buffer(self.due.buffer(), 0, Some(arena.pages.len() as u64 * 4));
-        encoder.clear_buffer(self.arguments.buffer(), 0, None);
     }
 
     /// Makes sure that a kernel's bindings for a page are there.
@@ -306,23 +225,19 @@ impl Tables {
         page: u32,
     ) -> wgpu::BindingResource<'a> {
         let cells = |index: usize| {
-            let page = arena.pages[page as usize].as_ref();
+            let page = arena.pages.get(page);
             &page.expect("only pages with tiles in them are dispatched").cells[index]
         };
         let buffer = match resource {
-            Resource::Work => {
-                return wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                    buffer: self.passes.buffer(),
-                    offset: 0,
-                    size: wgpu::BufferSize::new(std::mem::size_of::<Pass>() as u64),
-                });
-            }
+            Resource::OperationResults => return self.results.binding(Section::Operations),
+            Resource::PackedCount => return self.results.binding(Section::PackedCount),
+            Resource::Tallies => return self.results.binding(Section::Tallies),
+            Resource::PackedGroups => return self.results.binding(Section::PackedGroups),
+            Resource::Packed => return self.results.binding(Section::Packed),
             Resource::Sessions => self.sessions.buffer(),
-            Resource::Runs => self.runs_buffer.buffer(),
-            Resource::Tallies => self.tallies.buffer(),
-            Resource::PageStarts => self.page_starts.buffer(),
+            Resource::Runs => self.runs.buffer(),
+            Resource::PageStarts => self.due.starts(),
             Resource::Due => self.due.buffer(),
-            Resource::Arguments => self.arguments.buffer(),
             Resource::Colliders => self.colliders.buffer(),
             Resource::Spans => self.spans.buffer(),
             Resource::Contacts => self.contacts.buffer(),
@@ -331,12 +246,8 @@ impl Tables {
             Resource::EditJobs => self.edit_jobs.buffer(),
             Resource::Operations => self.operations.buffer(),
             Resource::OperationLists => self.operation_lists.buffer(),
-            Resource::OperationResults => self.operation_results.buffer(),
             Resource::SampleJobs => self.sample_jobs.buffer(),
             Resource::Samples => self.samples.buffer(),
-            Resource::PackedCount => self.packed_count.buffer(),
-            Resource::PackedGroups => self.packed_groups.buffer(),
-            Resource::Packed => self.packed.buffer(),
             Resource::Mass => cells(0),
             Resource::Thickness => cells(1),
             Resource::Temperature => cells(2),

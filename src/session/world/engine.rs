@@ -159,22 +159,24 @@ impl Engine {
         let (number, sleep) = (self.frame, self.config.sleep);
         self.busy = false;
         let room = AtomicU64::new(MOST_SAMPLES);
+        let mut lap = Lap(Instant::now());
         let Planned { work, part, mut idle, mut failed } =
             plan(&mut self.simulations, |simulation| {
                 simulation.plan(number, publish, sleep, &room)
             });
         let mut time = FrameTime { sessions: part.len() as u32, ..FrameTime::default() };
+        time.parts.planning = lap.next();
         if !part.is_empty() {
-            let submitted = Instant::now();
             self.backend.submit(Frame { work })?;
+            time.parts.submitting = lap.next();
             let outcome = loop {
                 if let Some(outcome) = self.backend.poll(PATIENCE)? {
                     break outcome;
                 }
             };
-            time.backend = submitted.elapsed();
+            time.parts.waiting = lap.next();
             time.published_tiles = outcome.published.count();
-            for done in conclude(part, outcome, time.backend) {
+            for done in conclude(part, outcome, time.parts.backend()) {
                 match done.left {
                     Some(left) => self.hand_over(done.key, left),
                     None => failed.push(done.key),
@@ -189,6 +191,7 @@ impl Engine {
         self.journal.send();
         failed.into_iter().for_each(|key| self.fell(key));
         idle.into_iter().for_each(|key| self.review(key));
+        time.parts.concluding = lap.next();
         Ok(time)
     }
 
@@ -307,6 +310,16 @@ fn conclude(
         (!nothing).then(|| Box::new(Concluded { key: simulation.session.key, left, review }))
     });
     concluded.into_iter().flatten().map(|concluded| *concluded)
+}
+
+/// Takes the times from one moment to the next.
+struct Lap(Instant);
+
+impl Lap {
+    fn next(&mut self) -> Duration {
+        let now = Instant::now();
+        now.duration_since(std::mem::replace(&mut self.0, now))
+    }
 }
 
 /// The value, or nothing where there was a panic.

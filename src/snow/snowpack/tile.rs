@@ -1,8 +1,10 @@
 //! A tile of 8 × 8 columns: what is edited, stressed, compacted and put to sleep together.
 
 use super::Collider;
-use crate::snow::collider::{Footprint, elevation, share};
+
 use crate::snow::column::{Column, SurfaceLoad};
+use crate::snow::contact::{elevation, share};
+use crate::snow::footprint::Footprint;
 use crate::snow::grid::{ColumnRect, Grid, TILE_COLUMNS, TILE_SIDE};
 use crate::snow::material::Material;
 

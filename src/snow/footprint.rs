@@ -1,16 +1,12 @@
-//! Objects that stand on the snow: the columns they cover and how they touch them.
+//! Objects seen from above: their outline, and the columns under it.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::grid::{CELL, Grid};
-use super::material::GRAVITY;
+use super::grid::Grid;
 
 /// Slack \[m\] with which a column's centre counts as inside a footprint.
 const EDGE_SLACK: f64 = 1e-6;
-
-/// Depth δ = h/20 over which contact is soft, in elevation units.
-pub const CONTACT_DEPTH: u32 = (CELL / 2 + 10) / 20;
 
 /// Outline of a rigid, level object seen from above.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -185,57 +181,6 @@ impl Footprint {
     }
 }
 
-/// Elevation of a column's surface in units of h·2⁻²³, half the resolution of thickness, so that
-/// the highest terrain and the deepest snow fit 32 bits together.
-pub fn elevation(ground: u32, height: u32) -> u32 {
-    ground + (height >> 1)
-}
-
-/// How an object touches the snow, as evaluated before a cycle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Contact {
-    /// Elevation of the bottom, in elevation units.
-    pub bottom: u32,
-    /// Bottom when the object was placed or last moved, in elevation units.
-    pub reference: u32,
-    /// Σ of the columns' shares s, in units of 1/`CONTACT_DEPTH`.
-    pub support: u64,
-    /// Contact area A \[m²\].
-    pub area: f32,
-    /// Pressure q \[Pa\] on the area in contact.
-    pub pressure: f32,
-    /// Whether the last evaluation found what the one before had found.
-    pub resting: bool,
-}
-
-impl Contact {
-    /// Evaluates contact over the columns' elevations.
-    pub fn evaluate(
-        footprint: &Footprint,
-        mass: f64,
-        elevations: impl Iterator<Item = u32> + Clone,
-    ) -> Contact {
-        let bottom = elevations.clone().max().unwrap_or(0);
-        let support = elevations.map(|e| u64::from(share_units(bottom, e))).sum();
-        let full = u64::from(footprint.columns) * u64::from(CONTACT_DEPTH);
-        let area = footprint.area as f32 * (support as f32 / full as f32);
-        let pressure = (mass * GRAVITY) as f32 / area;
-        Contact { bottom, reference: bottom, support, area, pressure, resting: false }
-    }
-}
-
-/// A column's share s of contact in units of 1/`CONTACT_DEPTH`: 1 at the bottom's level, 0 from δ
-/// below it.
-pub fn share_units(bottom: u32, elevation: u32) -> u32 {
-    CONTACT_DEPTH.saturating_sub(bottom - elevation)
-}
-
-/// A column's share s of contact, from 0 to 1.
-pub fn share(bottom: u32, elevation: u32) -> f32 {
-    share_units(bottom, elevation) as f32 / CONTACT_DEPTH as f32
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -300,32 +245,5 @@ mod tests {
         assert_eq!(tiles(0.5, 0.5), [0]);
         assert_eq!(tiles(1.6, 1.6), [0, 1, 3, 4]);
         assert_eq!(tiles(3.5, 1.6), [1, 2, 4, 5]);
-    }
-
-    #[test]
-    fn contact_is_soft_over_a_twentieth_of_a_cell() {
-        let shape = Shape::Box { width: 0.8, depth: 0.2 };
-        let footprint =
-            Footprint::new(&GRID, &shape, Position { x: 0.8, z: 0.5 }).expect("it fits");
-        assert_eq!(footprint.columns, 4);
-        let top = 5 * CELL;
-        // Half of δ below the top carries half, δ and more below it nothing.
-        let elevations =
-            [top, top - CONTACT_DEPTH / 2, top - CONTACT_DEPTH, top - 3 * CONTACT_DEPTH];
-        let contact = Contact::evaluate(&footprint, 10.0, elevations.into_iter());
-        assert_eq!((contact.bottom, contact.reference), (top, top));
-        let half = u64::from(CONTACT_DEPTH - CONTACT_DEPTH / 2);
-        assert_eq!(contact.support, u64::from(CONTACT_DEPTH) + half);
-        assert!((contact.area - 0.16 * 1.5 / 4.0).abs() < 1e-6);
-        assert!((contact.pressure - 98.1 / 0.06).abs() < 0.01);
-        assert_eq!(share(top, top), 1.0);
-        assert_eq!(share(top, 0), 0.0);
-    }
-
-    #[test]
-    fn the_highest_surface_fits_an_elevation() {
-        let terrain = 64 * (CELL / 2);
-        assert_eq!(elevation(terrain, 255 * CELL), terrain + 255 * (CELL / 2));
-        assert_eq!(elevation(7, 5), 9);
     }
 }
