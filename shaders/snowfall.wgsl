@@ -15,6 +15,7 @@ var<immediate> work: Pass;
 @group(0) @binding(9) var<storage, read_write> thickness: array<u32>;
 @group(0) @binding(10) var<storage, read_write> temperature: array<f32>;
 @group(0) @binding(11) var<storage, read_write> stress: array<f32>;
+@group(0) @binding(12) var<storage, read> operation_lists: array<u32>;
 
 const DEPOSIT: u32 = 0u;
 // Largest difference in temperature at which fresh snow tops up the cell below [degrees C].
@@ -27,14 +28,16 @@ struct Cell {
     temperature: f32,
 }
 
-// A column while it is worked on: its first cell, its slots and how many are filled.
+// A column while it is worked on: its first cell, its slots, how many are filled, and the topmost
+// cell, which is stored when another one is laid on it, and in the end.
 struct Column {
     base: u32,
     slots: u32,
     cells: u32,
+    top: Cell,
 }
 
-// Snow that is still to be laid on a column.
+// Snow that is still to be laid on a column, and the mass of a full cell of it.
 struct Fall {
     mass: u32,
     depth: u32,
@@ -42,26 +45,38 @@ struct Fall {
     temperature: f32,
 }
 
-fn cell_index(column: Column, slot: u32) -> u32 {
-    return column.base + slot * TILE_COLUMNS;
+fn cell_index(base: u32, slot: u32) -> u32 {
+    return base + slot * TILE_COLUMNS;
 }
 
-fn load_cell(column: Column, slot: u32) -> Cell {
-    let i = cell_index(column, slot);
+fn load_cell(base: u32, slot: u32) -> Cell {
+    let i = cell_index(base, slot);
     return Cell(mass[i], thickness[i], temperature[i]);
 }
 
-fn store_cell(column: Column, slot: u32, cell: Cell) {
-    let i = cell_index(column, slot);
+fn store_cell(base: u32, slot: u32, cell: Cell) {
+    let i = cell_index(base, slot);
     mass[i] = cell.mass;
     thickness[i] = cell.thickness;
     temperature[i] = cell.temperature;
 }
 
-fn empty_slots(column: Column, first: u32, end: u32) {
+fn load_top(column: ptr<function, Column>) {
+    if (*column).cells > 0u {
+        (*column).top = load_cell((*column).base, (*column).cells - 1u);
+    }
+}
+
+fn store_top(column: ptr<function, Column>) {
+    if (*column).cells > 0u {
+        store_cell((*column).base, (*column).cells - 1u, (*column).top);
+    }
+}
+
+fn empty_slots(base: u32, first: u32, end: u32) {
     for (var slot = first; slot < end; slot++) {
-        store_cell(column, slot, Cell(0u, 0u, 0.0));
-        stress[cell_index(column, slot)] = 0.0;
+        store_cell(base, slot, Cell(0u, 0u, 0.0));
+        stress[cell_index(base, slot)] = 0.0;
     }
 }
 
@@ -81,31 +96,37 @@ fn take(fall: ptr<function, Fall>, piece: u32) -> u32 {
     return taken;
 }
 
-// Fills the top cell up to full thickness where it is much like the snow that falls.
-fn top_up(column: Column, fall: ptr<function, Fall>) {
-    if column.cells == 0u {
-        return;
-    }
-    var cell = load_cell(column, column.cells - 1u);
-    if cell.thickness >= CELL || abs(cell.temperature - (*fall).temperature) > TOP_UP_TEMPERATURE {
-        return;
+// Whether snow tops up a cell: there is room in it, and it is much like the snow that falls.
+fn is_like(cell: Cell, share: u32, celsius: f32) -> bool {
+    if cell.thickness >= CELL || abs(cell.temperature - celsius) > TOP_UP_TEMPERATURE {
+        return false;
     }
     // Densities are compared as masses, crosswise, so that no rounding decides.
     let own = wide_multiply(cell.mass, CELL);
-    let like = wide_multiply((*fall).share, cell.thickness);
+    let like = wide_multiply(share, cell.thickness);
     var difference = wide_subtract(own, like);
     if wide_less(own, like) {
         difference = wide_subtract(like, own);
     }
-    if difference.y >= 1u << 26u || wide_less(like, wide_scale(difference, 20u)) {
+    return difference.y < 1u << 26u && !wide_less(like, wide_scale(difference, 20u));
+}
+
+// Adds snow to a cell.
+fn add(cell: ptr<function, Cell>, mass: u32, thickness: u32, celsius: f32) {
+    (*cell).temperature = mixed((*cell).temperature, (*cell).mass, celsius, mass);
+    (*cell).mass += mass;
+    (*cell).thickness += thickness;
+}
+
+// Fills the top cell up to full thickness where it is much like the snow that falls.
+fn top_up(column: ptr<function, Column>, fall: ptr<function, Fall>) {
+    var cell = (*column).top;
+    if (*column).cells == 0u || !is_like(cell, (*fall).share, (*fall).temperature) {
         return;
     }
     let piece = min((*fall).depth, CELL - cell.thickness);
-    let added = take(fall, piece);
-    cell.temperature = mixed(cell.temperature, cell.mass, (*fall).temperature, added);
-    cell.mass += added;
-    cell.thickness += piece;
-    store_cell(column, column.cells - 1u, cell);
+    add(&cell, take(fall, piece), piece, (*fall).temperature);
+    (*column).top = cell;
 }
 
 // Opens full cells, the last one thinner, as long as there are slots.
@@ -115,19 +136,15 @@ fn open_cells(column: ptr<function, Column>, fall: ptr<function, Fall>) {
         var taken = take(fall, piece);
         if taken == 0u {
             // Too thin a rest to have a quantum of mass of its own.
-            if (*column).cells == 0u {
+            if (*column).cells == 0u || (*column).top.mass <= 1u {
                 (*fall).depth = 0u;
                 return;
             }
-            let below = cell_index(*column, (*column).cells - 1u);
-            if mass[below] <= 1u {
-                (*fall).depth = 0u;
-                return;
-            }
-            mass[below] -= 1u;
+            (*column).top.mass -= 1u;
             taken = 1u;
         }
-        store_cell(*column, (*column).cells, Cell(taken, piece, (*fall).temperature));
+        store_top(column);
+        (*column).top = Cell(taken, piece, (*fall).temperature);
         (*column).cells++;
     }
 }
@@ -198,15 +215,17 @@ fn pour(source: ptr<function, Source>, fresh: ptr<function, Cell>) {
 
 // Re-cuts the whole column in place: a fresh cell's index never exceeds its source's.
 fn recut(column: ptr<function, Column>) {
+    store_top(column);
+    let base = (*column).base;
     let cells = (*column).cells;
     var fresh = Cell(0u, 0u, 0.0);
     var finished = 0u;
     var below = fresh;
     for (var i = 0u; i < cells; i++) {
-        var source = Source(load_cell(*column, i), 0.0, 0.0, 0u, 0u);
+        var source = Source(load_cell(base, i), 0.0, 0.0, 0u, 0u);
         let cell = source.cell;
         if i > 0u && i + 1u < cells {
-            let above = load_cell(*column, i + 1u);
+            let above = load_cell(base, i + 1u);
             source.density_slope =
                 van_leer(density_of(below), density_of(cell), density_of(above)) / density_of(cell);
             source.temperature_slope =
@@ -216,27 +235,28 @@ fn recut(column: ptr<function, Column>) {
         while source.taken_thickness < cell.thickness {
             pour(&source, &fresh);
             if fresh.thickness == CELL {
-                store_cell(*column, finished, fresh);
+                store_cell(base, finished, fresh);
                 finished++;
                 fresh = Cell(0u, 0u, 0.0);
             }
         }
     }
     if fresh.thickness > 0u {
-        store_cell(*column, finished, fresh);
+        store_cell(base, finished, fresh);
         finished++;
     }
-    empty_slots(*column, finished, cells);
+    empty_slots(base, finished, cells);
     (*column).cells = finished;
+    load_top(column);
 }
 
 // Lays snow on the column; returns the mass that did not fit.
-fn deposit(column: ptr<function, Column>, operation: Operation) -> u32 {
-    if operation.depth == 0u {
-        return operation.mass;
+fn deposit(column: ptr<function, Column>, snow: Fall) -> u32 {
+    if snow.depth == 0u {
+        return snow.mass;
     }
-    var fall = Fall(operation.mass, operation.depth, operation.share, operation.temperature);
-    top_up(*column, &fall);
+    var fall = snow;
+    top_up(column, &fall);
     open_cells(column, &fall);
     if fall.depth > 0u {
         recut(column);
@@ -248,11 +268,13 @@ fn deposit(column: ptr<function, Column>, operation: Operation) -> u32 {
 // Removes what is above a depth; returns the mass removed. The cell that is cut keeps its part of
 // the mass, rounded down.
 fn clear(column: ptr<function, Column>, depth: u32) -> u32 {
+    store_top(column);
+    let base = (*column).base;
     var left = depth;
     var cleared = 0u;
     var kept_cells = 0u;
     for (var slot = 0u; slot < (*column).cells; slot++) {
-        var cell = load_cell(*column, slot);
+        var cell = load_cell(base, slot);
         let kept = min(cell.thickness, left);
         left -= kept;
         if kept < cell.thickness {
@@ -261,15 +283,16 @@ fn clear(column: ptr<function, Column>, depth: u32) -> u32 {
             cell.mass = part;
             cell.thickness = kept;
             if part > 0u {
-                store_cell(*column, slot, cell);
+                store_cell(base, slot, cell);
             }
         }
         if cell.mass > 0u {
             kept_cells = slot + 1u;
         }
     }
-    empty_slots(*column, kept_cells, (*column).cells);
+    empty_slots(base, kept_cells, (*column).cells);
     (*column).cells = kept_cells;
+    load_top(column);
     return cleared;
 }
 
@@ -280,6 +303,44 @@ fn add_result(result: u32, quanta: u32) {
             atomicAdd(&operation_results[result].high, 1u);
         }
     }
+}
+
+// What falls in an operation; in a clearing, what is left standing, without a mass.
+fn fall_of(index: u32) -> Fall {
+    let snow = operations[index].snow;
+    return Fall(snow.x, snow.y, snow.z, bitcast<f32>(snow.w));
+}
+
+// Does an operation on a column where that is little: it is about other columns, or lays snow of
+// which the topmost cell takes all. Returns whether it was. Most are, and of what lets others be done
+// some devices go through all of it for every operation.
+fn do_lightly(column: ptr<function, Column>, position: vec2<u32>, index: u32) -> bool {
+    let columns = operations[index].columns;
+    if any(position < columns.xy) || any(position >= columns.zw) {
+        return true;
+    }
+    let fall = fall_of(index);
+    var cell = (*column).top;
+    let room = CELL - min(cell.thickness, CELL);
+    let fits = fall.mass > 0u && fall.depth > 0u && fall.depth <= room && (*column).cells > 0u;
+    if !fits || !is_like(cell, fall.share, fall.temperature) {
+        return false;
+    }
+    add(&cell, fall.mass, fall.depth, fall.temperature);
+    (*column).top = cell;
+    return true;
+}
+
+// Does an operation on a column.
+fn do_heavily(column: ptr<function, Column>, index: u32) {
+    let fall = fall_of(index);
+    var quanta = 0u;
+    if operations[index].kind == DEPOSIT {
+        quanta = deposit(column, fall);
+    } else {
+        quanta = clear(column, fall.depth);
+    }
+    add_result(operations[index].result, quanta);
 }
 
 @compute @workgroup_size(64)
@@ -297,24 +358,26 @@ fn snowfall(
     let session = sessions[tile.session];
     let position = column_position(session, job.tile, thread);
     let place = job.tile * TILE_COLUMNS + thread;
-    var column = Column(tile.row * TILE_COLUMNS + thread, session.height, filled[place]);
+    let base = tile.row * TILE_COLUMNS + thread;
+    var column = Column(base, session.height, filled[place], Cell(0u, 0u, 0.0));
+    load_top(&column);
 
-    for (var i = 0u; i < job.operations; i++) {
-        let operation = operations[job.first_operation + i];
-        let inside = all(position >= vec2(operation.x0, operation.z0))
-            && all(position < vec2(operation.x1, operation.z1));
-        if inside {
-            if operation.kind == DEPOSIT {
-                add_result(operation.result, deposit(&column, operation));
-            } else {
-                add_result(operation.result, clear(&column, operation.depth));
-            }
+    let end = job.first_operation + job.operations;
+    var next = job.first_operation;
+    while next < end {
+        while next < end && do_lightly(&column, position, operation_lists[next]) {
+            next++;
+        }
+        if next < end {
+            do_heavily(&column, operation_lists[next]);
+            next++;
         }
     }
+    store_top(&column);
 
     var height = 0u;
     for (var slot = 0u; slot < column.cells; slot++) {
-        height += thickness[cell_index(column, slot)];
+        height += thickness[cell_index(base, slot)];
     }
     filled[place] = column.cells;
     heights[place] = height;

@@ -118,7 +118,8 @@ struct LoadJob {
     padding: u32,
 }
 
-// A tile and the deposits and clearings that touch it, in order of arrival.
+// A tile and the deposits and clearings that touch it: some of the table of lists, in order of
+// arrival.
 struct EditJob {
     tile: u32,
     first_operation: u32,
@@ -126,19 +127,15 @@ struct EditJob {
     padding: u32,
 }
 
-// Snow that falls on columns [x0, x1) x [z0, z1), or is cleared from them.
+// Snow that falls on columns, or is cleared from them.
 struct Operation {
+    // x0, z0, and behind the last x1, z1.
+    columns: vec4<u32>,
+    // Mass quanta that fall; depth in thickness quanta, of what falls, or of what is left standing;
+    // mass quanta of a full cell; the bits of the temperature [degrees C]. In one piece, because each
+    // part by itself would cost as much to read.
+    snow: vec4<u32>,
     kind: u32,
-    x0: u32,
-    z0: u32,
-    x1: u32,
-    z1: u32,
-    // Depth in thickness quanta: what falls, or what is left standing.
-    depth: u32,
-    // Mass quanta that fall, and those of a full cell of them.
-    mass: u32,
-    share: u32,
-    temperature: f32,
     // Its row in the table of results.
     result: u32,
     padding: vec2<u32>,

@@ -10,3 +10,4 @@ mod sleep;
 mod support;
 mod times;
 mod track;
+mod weather;

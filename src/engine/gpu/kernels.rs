@@ -39,6 +39,8 @@ pub enum Resource {
     EditJobs,
     /// What falls or is cleared.
     Operations,
+    /// Which of it touches each of those tiles.
+    OperationLists,
     /// What was refused or cleared.
     OperationResults,
     /// Boxes of the fixed grid that are asked for.
@@ -133,6 +135,7 @@ pub const KERNELS: [Kernel; 8] = [
             (Thickness, Write),
             (Temperature, Write),
             (Stress, Write),
+            (OperationLists, Read),
         ],
     },
     Kernel {

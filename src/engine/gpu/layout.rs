@@ -239,13 +239,13 @@ pub struct LoadJob {
     pub padding: u32,
 }
 
-/// A tile and the operations that touch it.
+/// A tile and the operations that touch it: some of the table of lists, in order of arrival.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct EditJob {
     /// The tile.
     pub tile: u32,
-    /// First of the operations.
+    /// Where the first of the operations stands in the table of lists.
     pub first_operation: u32,
     /// Number of the operations.
     pub operations: u32,
@@ -257,24 +257,13 @@ pub struct EditJob {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Operation {
+    /// First column along x and z, and their ends.
+    pub columns: [u32; 4],
+    /// Mass quanta that fall; depth in thickness quanta, of what falls or of what is left standing;
+    /// mass quanta of a full cell of what falls; bits of its temperature \[°C\].
+    pub snow: [u32; 4],
     /// [`DEPOSIT`] or [`CLEAR`].
     pub kind: u32,
-    /// First column along x.
-    pub x0: u32,
-    /// First column along z.
-    pub z0: u32,
-    /// End along x.
-    pub x1: u32,
-    /// End along z.
-    pub z1: u32,
-    /// Depth in thickness quanta: what falls, or what is left standing.
-    pub depth: u32,
-    /// Mass quanta that fall.
-    pub mass: u32,
-    /// Mass quanta of a full cell of what falls.
-    pub share: u32,
-    /// Temperature of what falls \[°C\].
-    pub temperature: f32,
     /// Its row in the table of results.
     pub result: u32,
     /// Fills the row.

@@ -1,10 +1,10 @@
 //! The dispatches of a submit, and the rows they work on.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::engine::frame::{Contents, Edit, Placement, Slot, Work};
+use crate::engine::frame::{Contents, Deposit, Edit, Placement, Slot, Work};
 use crate::snow::{ColumnRect, Contact, REFERENCE_CELL_SIZE};
 
 use super::arena::Arena;
@@ -96,8 +96,8 @@ impl Planner<'_> {
     }
 
     fn edit(&mut self, slot: Slot, resident: &mut Resident, round: Round, edited: &mut Edited) {
-        let first_operation = self.tables.operations.len();
-        let mut snowed = BTreeSet::new();
+        // Tiles with the operations that touch them.
+        let mut snowed: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         let mut stressed = BTreeSet::new();
         let mut moved = false;
         let evaluates = round.iter().any(|(_, edit)| !matches!(edit, Edit::Restore(_)));
@@ -105,8 +105,10 @@ impl Planner<'_> {
             match edit {
                 Edit::Deposit(_) | Edit::Clear { .. } => {
                     let (operation, columns) = operation(&edit, result);
-                    self.tables.operations.push(operation);
-                    snowed.extend(tiles_in(columns, resident.row.tiles_x));
+                    let row = self.tables.operations.push(operation);
+                    for tile in tiles_in(columns, resident.row.tiles_x) {
+                        snowed.entry(tile).or_default().push(row);
+                    }
                 }
                 Edit::PutCollider { id, collider, placed } => {
                     let tiles = collider.footprint.tiles(&resident.layout.grid);
@@ -151,21 +153,34 @@ impl Planner<'_> {
             return;
         }
         self.evaluated.insert(slot);
-        let operations = self.tables.operations.len() - first_operation;
-        for &tile in &snowed {
-            let job = EditJob {
-                tile: resident.lot.tiles.start + tile,
-                first_operation,
-                operations,
-                padding: 0,
-            };
-            edited.edit_jobs.push((resident.page(tile), job));
-        }
-        stressed.extend(snowed);
+        stressed.extend(snowed.keys().copied());
+        self.edit_jobs(resident, snowed, &mut edited.edit_jobs);
         stressed.extend(resident.loads.keys().copied());
         edited.colliders += resident.bodies.len() as u32;
         self.load_jobs(slot, resident, stressed.into_iter(), &mut edited.load_jobs);
         resident.bodies.values_mut().for_each(|body| body.placed = false);
+    }
+
+    /// Adds jobs for tiles with the operations that touch them. Tiles that the same operations touch
+    /// share a list of them.
+    fn edit_jobs(
+        &mut self,
+        resident: &Resident,
+        snowed: BTreeMap<u32, Vec<u32>>,
+        jobs: &mut Vec<(u32, EditJob)>,
+    ) {
+        let rows = &mut self.tables.operation_lists.rows;
+        let mut lists: HashMap<Vec<u32>, u32> = HashMap::new();
+        for (tile, list) in snowed {
+            let operations = list.len() as u32;
+            let first_operation = *lists.entry(list).or_insert_with_key(|list| {
+                rows.extend(list);
+                rows.len() as u32 - operations
+            });
+            let tile_row = resident.lot.tiles.start + tile;
+            let job = EditJob { tile: tile_row, first_operation, operations, padding: 0 };
+            jobs.push((resident.page(tile), job));
+        }
     }
 
     /// Writes the contacts of saved objects, as they were.
@@ -417,27 +432,19 @@ fn by_page<T>(jobs: Vec<(u32, T)>) -> BTreeMap<u32, Vec<T>> {
 
 /// The row of a snowfall or clearing, and the columns it is about.
 fn operation(edit: &Edit, result: u32) -> (Operation, ColumnRect) {
-    let (columns, row) = match *edit {
-        Edit::Deposit(deposit) => {
+    let (kind, columns, snow) = match *edit {
+        Edit::Deposit(Deposit { columns, depth, mass, temperature }) => {
             // As in Column::deposit: the mass of a full cell of this snow.
-            let share = (u64::from(deposit.mass) << 24) / u64::from(deposit.depth.max(1));
-            let row = Operation {
-                kind: DEPOSIT,
-                depth: deposit.depth,
-                mass: deposit.mass,
-                share: share.min(u64::from(u32::MAX)) as u32,
-                temperature: deposit.temperature,
-                ..Operation::default()
-            };
-            (deposit.columns, row)
+            let share = (u64::from(mass) << 24) / u64::from(depth.max(1));
+            let share = share.min(u64::from(u32::MAX)) as u32;
+            (DEPOSIT, columns, [mass, depth, share, temperature.to_bits()])
         }
-        Edit::Clear { columns, depth } => {
-            (columns, Operation { kind: CLEAR, depth, ..Operation::default() })
-        }
-        _ => (ColumnRect { x0: 0, z0: 0, x1: 0, z1: 0 }, Operation::default()),
+        Edit::Clear { columns, depth } => (CLEAR, columns, [0, depth, 0, 0]),
+        _ => (CLEAR, ColumnRect { x0: 0, z0: 0, x1: 0, z1: 0 }, [0; 4]),
     };
     let ColumnRect { x0, z0, x1, z1 } = columns;
-    (Operation { x0, z0, x1, z1, result, ..row }, columns)
+    let row = Operation { columns: [x0, z0, x1, z1], snow, kind, result, padding: [0; 2] };
+    (row, columns)
 }
 
 /// Tiles that columns lie in.

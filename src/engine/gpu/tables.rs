@@ -45,6 +45,8 @@ pub struct Tables {
     pub edit_jobs: Upload<layout::EditJob>,
     /// What falls or is cleared.
     pub operations: Upload<layout::Operation>,
+    /// Which of it touches each of those tiles.
+    pub operation_lists: Upload<u32>,
     /// Boxes of the fixed grid that are asked for.
     pub sample_jobs: Upload<layout::SampleJob>,
     /// Cells of the fixed grid.
@@ -79,6 +81,7 @@ impl Tables {
             loads: Upload::new(device, "loads", Usage::STORAGE),
             edit_jobs: Upload::new(device, "edit jobs", Usage::STORAGE),
             operations: Upload::new(device, "operations", Usage::STORAGE),
+            operation_lists: Upload::new(device, "operation lists", Usage::STORAGE),
             sample_jobs: Upload::new(device, "sample jobs", Usage::STORAGE),
             samples: table("samples", Usage::empty()),
             results: Results::new(table("results", Usage::empty())),
@@ -170,6 +173,7 @@ impl Tables {
             self.loads.flush(d, mail),
             self.edit_jobs.flush(d, mail),
             self.operations.flush(d, mail),
+            self.operation_lists.flush(d, mail),
             self.sample_jobs.flush(d, mail),
             self.due.flush(d, mail),
             self.runs.flush(d, mail),
@@ -241,6 +245,7 @@ impl Tables {
             Resource::Loads => self.loads.buffer(),
             Resource::EditJobs => self.edit_jobs.buffer(),
             Resource::Operations => self.operations.buffer(),
+            Resource::OperationLists => self.operation_lists.buffer(),
             Resource::SampleJobs => self.sample_jobs.buffer(),
             Resource::Samples => self.samples.buffer(),
             Resource::Mass => cells(0),
