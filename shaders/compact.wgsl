@@ -120,7 +120,7 @@ fn compact(
         return;
     }
     var entry = index;
-    if work.backwards != 0u {
+    if (work.flags & BACKWARDS) != 0u {
         entry = listed - 1u - index;
     }
     let tile = due[work.first + entry];
@@ -142,10 +142,13 @@ fn compact(
     let session = sessions[row.session];
     let run = runs[row.session];
     let awake = (state & AWAKE) != 0u || (run.flags & ALWAYS_AWAKE) != 0u;
-    if !awake || work.cycle >= run.cycles {
+    // Under objects each cycle after the first has contacts evaluated before it, and a pass of its
+    // own.
+    let first_only = (row.shape & LOADED) != 0u && (work.flags & UNDER_OBJECTS) == 0u;
+    if !awake || work.cycle >= run.cycles || (first_only && work.cycle > 0u) {
         return;
     }
-    let cycles = min(run.cycles - work.cycle, work.cycles);
+    let cycles = select(min(run.cycles - work.cycle, work.cycles), 1u, first_only);
 
     var last = 0u;
     var shrunk = vec4(0u);

@@ -42,7 +42,7 @@ fn contact(
     let collider = colliders[work.first + index];
     let run = runs[collider.session];
     let evaluated = work.cycle == 0u && (run.flags & EDITED) != 0u;
-    if work.edited == 0u && (evaluated || work.cycle >= run.cycles) {
+    if (work.flags & AFTER_EDITS) == 0u && (evaluated || work.cycle >= run.cycles) {
         return;
     }
     let session = sessions[collider.session];
@@ -80,7 +80,7 @@ fn contact(
 
 fn write_contact(collider: Collider, bottom: u32, support: vec2<u32>) {
     let old = contacts[collider.contact];
-    let placed = work.edited != 0u && collider.placed != 0u;
+    let placed = (work.flags & AFTER_EDITS) != 0u && collider.placed != 0u;
     let same = old.bottom == bottom && old.support_low == support.x && old.support_high == support.y;
     let sum = f32(support.y) * 4294967296.0 + f32(support.x);
     let area = collider.area * (sum / (f32(collider.columns) * f32(CONTACT_DEPTH)));

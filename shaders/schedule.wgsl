@@ -1,5 +1,5 @@
 // Lists the tiles that are due and not at rest, page by page, and writes the arguments of the
-// dispatches that will compact them. Tiles under objects are listed by the host instead.
+// dispatches that will compact them.
 
 var<immediate> work: Pass;
 @group(0) @binding(0) var<storage, read> runs: array<Run>;
@@ -29,7 +29,7 @@ fn is_due(tile: u32) -> bool {
         atomicOr(&states[tile], AWAKE);
     }
     let awake = (atomicLoad(&states[tile]) & AWAKE) != 0u || (run.flags & ALWAYS_AWAKE) != 0u;
-    return run.cycles > 0u && awake && (row.shape & LOADED) == 0u;
+    return run.cycles > 0u && awake;
 }
 
 fn reserve(page: u32, count: u32) -> u32 {

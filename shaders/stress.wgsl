@@ -66,7 +66,7 @@ fn evaluate_stress(
     let tile = job.tile;
     let row = tiles[tile];
     let session = sessions[row.session];
-    if work.edited == 0u && work.cycle >= runs[row.session].cycles {
+    if (work.flags & AFTER_EDITS) == 0u && work.cycle >= runs[row.session].cycles {
         return;
     }
     let position = column_position(session, tile, column);

@@ -28,6 +28,11 @@ const PUBLISH: u32 = 2u;
 const EDITED: u32 = 4u;  // contacts have been evaluated after the edits of this frame
 const ALWAYS_AWAKE: u32 = 8u;
 
+// Bits of Pass.flags.
+const AFTER_EDITS: u32 = 1u;    // nothing may be skipped
+const BACKWARDS: u32 = 2u;      // a list of tiles is gone through from its end
+const UNDER_OBJECTS: u32 = 4u;  // the listed tiles are those under objects, after the first cycle
+
 // A snowpack's constants.
 struct Session {
     first_tile: u32,
@@ -194,12 +199,9 @@ struct Pass {
     cycles: u32,
     // The page whose cells are bound.
     page: u32,
-    // Not 0 right after an edit, when nothing may be skipped.
-    edited: u32,
+    flags: u32,
     // Where the length of a list of tiles stands.
     length: u32,
-    // Not 0 where a list of tiles is gone through from its end.
-    backwards: u32,
 }
 
 // Index of a workgroup in a dispatch of two dimensions.

@@ -142,7 +142,7 @@ fn host_and_shaders_agree_on_every_struct() {
         module,
         SampleJob { session, first, x0, y0, z0, width, height, depth, rate, padding }
     );
-    compare_layout!(module, Pass { first, count, cycle, cycles, page, edited, length, backwards });
+    compare_layout!(module, Pass { first, count, cycle, cycles, page, flags, length });
 }
 
 #[test]
@@ -158,6 +158,9 @@ fn shared_constants_are_the_same() {
         ("PUBLISH", layout::PUBLISH),
         ("EDITED", layout::EDITED),
         ("ALWAYS_AWAKE", layout::ALWAYS_AWAKE),
+        ("AFTER_EDITS", layout::AFTER_EDITS),
+        ("BACKWARDS", layout::BACKWARDS),
+        ("UNDER_OBJECTS", layout::UNDER_OBJECTS),
         ("DEPOSIT", layout::DEPOSIT),
     ] {
         let line = format!("const {name}: u32 = {value}u;");

@@ -41,9 +41,9 @@ impl GpuBackend {
         let always_awake = self.always_awake;
         let (mut planner, residents) = self.planner(&mut evaluated);
         planner.edits(residents, last);
-        planner.runs(residents, &frame.work, running, always_awake);
+        planner.set_runs(&frame.work, always_awake);
         let loaded = frame.work.iter().zip(&parts).filter(|(_, part)| part.may_be_loaded);
-        planner.loaded_runs(residents, loaded.map(|(work, _)| work));
+        planner.runs(residents, &frame.work, loaded.map(|(work, _)| work), running);
         planner.reports(residents, &frame.work, &totals.groups);
         planner.samples(residents, &frame.work);
         let dispatches = planner.dispatches;

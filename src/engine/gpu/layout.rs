@@ -15,6 +15,12 @@ pub const PUBLISH: u32 = 2;
 pub const EDITED: u32 = 4;
 /// `Run.flags`: no tile sleeps.
 pub const ALWAYS_AWAKE: u32 = 8;
+/// `Pass.flags`: nothing may be skipped.
+pub const AFTER_EDITS: u32 = 1;
+/// `Pass.flags`: a list of tiles is gone through from its end.
+pub const BACKWARDS: u32 = 2;
+/// `Pass.flags`: the listed tiles are those under objects, after the first cycle.
+pub const UNDER_OBJECTS: u32 = 4;
 /// A tile's state: a cell changed in the last cycle, or was disturbed since.
 pub const AWAKE: u32 = 1;
 /// A tile's state: a height changed since the last publication.
@@ -332,12 +338,10 @@ pub struct Pass {
     pub cycles: u32,
     /// The page whose cells are bound.
     pub page: u32,
-    /// Not 0 right after an edit.
-    pub edited: u32,
+    /// [`AFTER_EDITS`], [`BACKWARDS`] and [`UNDER_OBJECTS`].
+    pub flags: u32,
     /// Where the length of a list of tiles stands.
     pub length: u32,
-    /// Not 0 where a list of tiles is gone through from its end.
-    pub backwards: u32,
 }
 
 /// A 64-bit number of two words.

@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use crate::engine::frame::{Contents, Deposit, Edit, Placement, Slot};
 use crate::engine::gpu::kernels::KernelId;
-use crate::engine::gpu::layout::{CLEAR, DEPOSIT, EditJob, LoadJob, Operation, Pass, Tile};
+use crate::engine::gpu::layout::{
+    AFTER_EDITS, CLEAR, DEPOSIT, EditJob, LoadJob, Operation, Pass, Tile,
+};
 use crate::engine::gpu::resident::{Body, Resident, Residents};
 use crate::snow::{ColumnRect, Contact};
 
@@ -193,7 +195,7 @@ impl Planner<'_> {
 }
 
 fn edit_pass() -> Pass {
-    Pass { edited: 1, ..Pass::default() }
+    Pass { flags: AFTER_EDITS, ..Pass::default() }
 }
 
 /// Sorts jobs by the page of their tile.

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use crate::engine::frame::{Slot, Work};
 use crate::engine::gpu::due::Due;
 use crate::engine::gpu::kernels::KernelId;
-use crate::engine::gpu::layout::{ALWAYS_AWAKE, EDITED, LoadJob, PUBLISH, Pass, Run, WAKE};
+use crate::engine::gpu::layout::{
+    ALWAYS_AWAKE, BACKWARDS, EDITED, LoadJob, PUBLISH, Pass, Run, UNDER_OBJECTS, WAKE,
+};
 use crate::engine::gpu::resident::{Resident, Residents};
 use crate::snow::REFERENCE_CELL_SIZE;
 
@@ -14,15 +16,30 @@ use super::{Dispatch, Planner};
 /// Tiles that the host lists at the most, whether they are awake or not.
 const FEW_TILES: usize = 512;
 
+/// Objects and the tiles under them, on the snowpacks that run: those with the most cycles first, so
+/// that each cycle concerns the first of every list.
+struct Loaded {
+    /// First of the objects, and the cycles of each.
+    first: u32,
+    objects: Vec<u32>,
+    /// Tiles of each page.
+    tiles: Vec<LoadedTiles>,
+    /// Contacts and stresses of the first cycle have been evaluated after edits.
+    known: bool,
+}
+
+/// Tiles of one page under objects.
+struct LoadedTiles {
+    page: u32,
+    /// First of the jobs that evaluate their stress.
+    first: u32,
+    /// Cycles and number of each.
+    tiles: Vec<(u32, u32)>,
+}
+
 impl Planner<'_> {
-    /// Plans the cycles of all snowpacks on tiles without objects, which run all of theirs at once.
-    pub fn runs(
-        &mut self,
-        residents: &Residents,
-        work: &[Work],
-        running_tiles: usize,
-        always_awake: bool,
-    ) {
+    /// Says what the snowpacks do in this frame.
+    pub fn set_runs(&mut self, work: &[Work], always_awake: bool) {
         let flag = |set: bool, flag: u32| if set { flag } else { 0 };
         let run = |(tally, work): (u32, &Work)| {
             let flags = flag(work.wake, WAKE)
@@ -33,26 +50,44 @@ impl Planner<'_> {
             (work.slot, Run { cycles: work.run.cycles, flags, rate, tally })
         };
         self.tables.runs.set((0..).zip(work).map(run));
+    }
+
+    /// Plans the cycles of all snowpacks. `loaded` has the work on all snowpacks with objects, and
+    /// all running ones have some number of tiles.
+    pub fn runs<'w>(
+        &mut self,
+        residents: &Residents,
+        work: &[Work],
+        loaded: impl Iterator<Item = &'w Work>,
+        running_tiles: usize,
+    ) {
+        let loaded = self.loaded(residents, loaded);
+        if let Some(loaded) = loaded.as_ref().filter(|loaded| !loaded.known) {
+            self.press(loaded, 0);
+        }
         let wakes = work.iter().any(|work| work.wake);
         if wakes || running_tiles > FEW_TILES {
             self.scheduled_runs(work);
         } else {
             self.listed_runs(residents, work, running_tiles);
         }
+        if let Some(loaded) = loaded {
+            self.later_cycles(&loaded);
+        }
     }
 
-    /// Tiles without objects, those that are due and awake listed by the device.
+    /// Due tiles that are awake, listed by the device.
     fn scheduled_runs(&mut self, work: &[Work]) {
         let tile_end = self.arena.tile_end();
         let pass = Pass { count: tile_end, ..Pass::default() };
         self.dispatch(KernelId::Schedule, 0, pass, tile_end.div_ceil(64));
         let cycles = work.iter().map(|work| work.run.cycles).max().unwrap_or(0);
         for part in self.parts(cycles) {
-            let backwards = *self.turns % 2;
+            let flags = if *self.turns % 2 == 1 { BACKWARDS } else { 0 };
             *self.turns = self.turns.wrapping_add(1);
             for (page, _) in (0..).zip(self.arena.pages.rows()).filter(|&(_, rows)| rows > 0) {
                 let (first, length) = (self.tables.due.first_of(page), Due::length_of(page));
-                let pass = Pass { first, length, backwards, ..part };
+                let pass = Pass { first, length, flags, ..part };
                 let kernel = KernelId::Compact;
                 self.dispatches.push(Dispatch { kernel, page, pass, groups: None });
             }
@@ -67,17 +102,15 @@ impl Planner<'_> {
         vec![Pass { cycles: u32::MAX, ..Pass::default() }]
     }
 
-    /// Tiles without objects, all that are due listed by the host: where they are few, that is
-    /// faster than to ask the device which of them are awake.
+    /// All due tiles, listed by the host: where they are few, that is faster than to ask the device
+    /// which of them are awake.
     fn listed_runs(&mut self, residents: &Residents, work: &[Work], count: usize) {
         let mut lists: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for work in work.iter().filter(|work| work.run.cycles > 0) {
             let Some(resident) = residents.get(work.slot) else { continue };
-            for (tile, place) in (0..).zip(&resident.lot.places) {
-                if !resident.loads.contains_key(&tile) {
-                    let list = lists.entry(place.page).or_insert_with(|| Vec::with_capacity(count));
-                    list.push(resident.lot.tiles.start + tile);
-                }
+            for (tile, place) in (resident.lot.tiles.start..).zip(&resident.lot.places) {
+                let list = lists.entry(place.page).or_insert_with(|| Vec::with_capacity(count));
+                list.push(tile);
             }
         }
         let cycles = work.iter().map(|work| work.run.cycles).max().unwrap_or(0);
@@ -92,57 +125,82 @@ impl Planner<'_> {
         }
     }
 
-    /// Plans the cycles on tiles under objects: one after another, with contacts and stresses
-    /// evaluated before each. `work` has all of the frame's on snowpacks with objects.
-    pub fn loaded_runs<'w>(&mut self, residents: &Residents, work: impl Iterator<Item = &'w Work>) {
+    /// Adds the objects of the snowpacks that run to the tables, and jobs for the tiles under them.
+    fn loaded<'w>(
+        &mut self,
+        residents: &Residents,
+        work: impl Iterator<Item = &'w Work>,
+    ) -> Option<Loaded> {
         let mut running: Vec<(u32, Slot, &Resident)> = work
             .filter(|work| work.run.cycles > 0)
             .filter_map(|work| Some((work.run.cycles, work.slot, residents.get(work.slot)?)))
             .filter(|(_, _, resident)| !resident.bodies.is_empty())
             .collect();
-        // The longest first, so that each cycle concerns the first ones of every list.
         running.sort_by_key(|&(cycles, slot, _)| (std::cmp::Reverse(cycles), slot));
-        let Some(&(most, _, _)) = running.first() else { return };
-
-        let first_collider = self.tables.colliders.len();
-        let mut colliders: Vec<u32> = Vec::new();
-        let mut jobs: BTreeMap<u32, Vec<(u32, LoadJob)>> = BTreeMap::new();
+        let known = running.iter().all(|(_, slot, _)| self.evaluated.contains(slot));
+        if running.first().is_none_or(|&(most, _, _)| known && most == 1) {
+            return None;
+        }
+        let first = self.tables.colliders.len();
+        let mut objects = Vec::new();
+        let mut pages: BTreeMap<u32, Vec<(u32, LoadJob)>> = BTreeMap::new();
         for &(cycles, slot, resident) in &running {
             let mut own = Vec::new();
             self.load_jobs(slot, resident, resident.loads.keys().copied(), &mut own);
-            colliders.extend(std::iter::repeat_n(cycles, resident.bodies.len()));
+            objects.extend(std::iter::repeat_n(cycles, resident.bodies.len()));
             for (page, job) in own {
-                jobs.entry(page).or_default().push((cycles, job));
+                pages.entry(page).or_default().push((cycles, job));
             }
         }
-        let mut lists = Vec::new();
-        for (&page, jobs) in &jobs {
-            let first_job = self.tables.load_jobs.len();
+        let tiles = |(page, jobs): (u32, Vec<(u32, LoadJob)>)| {
+            let first = self.tables.load_jobs.len();
             self.tables.load_jobs.rows.extend(jobs.iter().map(|(_, job)| *job));
-            let length = self.tables.due.list(jobs.iter().map(|(_, job)| job.tile));
-            lists.push((page, first_job, length, jobs));
+            let tiles = jobs.into_iter().map(|(cycles, job)| (cycles, job.tile)).collect();
+            LoadedTiles { page, first, tiles }
+        };
+        let tiles = pages.into_iter().map(tiles).collect();
+        Some(Loaded { first, objects, tiles, known })
+    }
+
+    /// Has contacts and stresses evaluated before a cycle.
+    fn press(&mut self, loaded: &Loaded, cycle: u32) {
+        let count = loaded.objects.partition_point(|&cycles| cycles > cycle) as u32;
+        let contact = Pass { first: loaded.first, count, cycle, ..Pass::default() };
+        self.dispatch(KernelId::Contact, 0, contact, count);
+        for tiles in &loaded.tiles {
+            let count = tiles.with_cycle(cycle);
+            let stress = Pass { first: tiles.first, count, cycle, ..Pass::default() };
+            self.dispatch(KernelId::Stress, tiles.page, stress, count);
         }
-        let edited = running.iter().all(|(_, slot, _)| self.evaluated.contains(slot));
-        for cycle in 0..most {
-            // Nothing has moved since the edits.
-            let known = cycle == 0 && edited;
-            let pass = Pass { cycle, cycles: 1, ..Pass::default() };
-            let count = colliders.partition_point(|&cycles| cycles > cycle) as u32;
-            if !known {
-                let contact = Pass { first: first_collider, count, ..pass };
-                self.dispatch(KernelId::Contact, 0, contact, count);
-            }
-            for &(page, first_job, length, jobs) in &lists {
-                let count = jobs.partition_point(|&(cycles, _)| cycles > cycle) as u32;
-                if count > 0 {
-                    if !known {
-                        let stress = Pass { first: first_job, count, ..pass };
-                        self.dispatch(KernelId::Stress, page, stress, count);
-                    }
-                    let compact = Pass { first: length + 1, length, count, ..pass };
-                    self.dispatch(KernelId::Compact, page, compact, count);
-                }
+    }
+
+    /// Plans the cycles after the first on tiles under objects.
+    fn later_cycles(&mut self, loaded: &Loaded) {
+        let most = loaded.objects.first().copied().unwrap_or(0);
+        if most < 2 {
+            return;
+        }
+        let list = |tiles: &LoadedTiles| {
+            let tiles = tiles.tiles[..tiles.with_cycle(1) as usize].iter();
+            self.tables.due.list(tiles.map(|&(_, tile)| tile))
+        };
+        let lists: Vec<u32> = loaded.tiles.iter().map(list).collect();
+        for cycle in 1..most {
+            self.press(loaded, cycle);
+            for (tiles, &length) in loaded.tiles.iter().zip(&lists) {
+                let (first, count) = (length + 1, tiles.with_cycle(cycle));
+                let flags = UNDER_OBJECTS;
+                let pass =
+                    Pass { first, length, count, cycle, cycles: 1, flags, ..Pass::default() };
+                self.dispatch(KernelId::Compact, tiles.page, pass, count);
             }
         }
+    }
+}
+
+impl LoadedTiles {
+    /// How many of them have a cycle.
+    fn with_cycle(&self, cycle: u32) -> u32 {
+        self.tiles.partition_point(|&(cycles, _)| cycles > cycle) as u32
     }
 }
