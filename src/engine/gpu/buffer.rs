@@ -1,6 +1,4 @@
-//! Buffers that grow.
-
-use bytemuck::Pod;
+//! Buffers that grow, and what carries the host's bytes to them.
 
 /// Bytes of mail that travel together.
 const MAIL_BYTES: u64 = 1 << 18;
@@ -139,55 +137,5 @@ impl Mail {
     /// Ends what is sent in a submit; its memory comes back when the device has read it.
     pub fn finish(&mut self, encoder: &wgpu::CommandEncoder) {
         self.belt.finish_and_recall_on_submit(encoder);
-    }
-}
-
-/// Rows that the host makes anew for every submit, and sends where they are not those of the last.
-#[derive(Debug)]
-pub struct Upload<T> {
-    /// The rows of the submit that is being made.
-    pub rows: Vec<T>,
-    /// Rows that the device has.
-    told: Vec<T>,
-    table: Table,
-}
-
-impl<T: Pod> Upload<T> {
-    /// No rows.
-    pub fn new(device: &wgpu::Device, label: &'static str, usage: wgpu::BufferUsages) -> Upload<T> {
-        let usage = usage | wgpu::BufferUsages::COPY_DST;
-        Upload {
-            rows: Vec::new(),
-            told: Vec::new(),
-            table: Table::new(device, label, usage, SMALLEST),
-        }
-    }
-
-    /// The buffer as it is now.
-    pub fn buffer(&self) -> &wgpu::Buffer {
-        self.table.buffer()
-    }
-
-    /// Adds a row and returns its number.
-    pub fn push(&mut self, row: T) -> u32 {
-        self.rows.push(row);
-        self.rows.len() as u32 - 1
-    }
-
-    /// Number of rows.
-    pub fn len(&self) -> u32 {
-        self.rows.len() as u32
-    }
-
-    /// Gives the rows to the mail, and forgets them. Returns whether the buffer was replaced.
-    pub fn flush(&mut self, device: &wgpu::Device, mail: &mut Mail) -> bool {
-        let bytes: &[u8] = bytemuck::cast_slice(&self.rows);
-        let grew = self.table.reserve(device, bytes.len() as u64);
-        if grew || !bytemuck::cast_slice::<T, u8>(&self.told).starts_with(bytes) {
-            mail.write(self.table.buffer(), 0, bytes);
-            std::mem::swap(&mut self.rows, &mut self.told);
-        }
-        self.rows.clear();
-        grew
     }
 }

@@ -6,14 +6,15 @@ use crate::engine::frame::Slot;
 use crate::snow::{Sample, TILE_COLUMNS};
 
 use super::arena::Arena;
-use super::buffer::{Mail, Table, Upload};
+use super::buffer::{Mail, Table};
 use super::device::Device;
 use super::due::Due;
 use super::kernels::{KERNELS, KernelId, Pipeline, Resource};
 use super::layout;
+use super::orders::Orders;
 use super::ranges::Ranges;
 use super::resident::Body;
-use super::results::{Results, Section};
+use super::results::Results;
 use super::runs::Runs;
 use super::survey::Totals;
 
@@ -33,22 +34,8 @@ pub struct Tables {
     pub due: Due,
     /// Rows of the arena's table of tiles that have changed.
     pub tile_rows: Vec<(u32, layout::Tile)>,
-    /// Objects.
-    pub colliders: Upload<layout::Collider>,
-    /// Spans of columns under objects.
-    pub spans: Upload<[u32; 2]>,
-    /// Tiles whose stress is to be evaluated.
-    pub load_jobs: Upload<layout::LoadJob>,
-    /// Objects on those tiles.
-    pub loads: Upload<u32>,
-    /// Tiles on which snow falls or is cleared.
-    pub edit_jobs: Upload<layout::EditJob>,
-    /// What falls or is cleared.
-    pub operations: Upload<layout::Operation>,
-    /// Which of it touches each of those tiles.
-    pub operation_lists: Upload<u32>,
-    /// Boxes of the fixed grid that are asked for.
-    pub sample_jobs: Upload<layout::SampleJob>,
+    /// Rows of this submit.
+    pub orders: Orders,
     /// Cells of the fixed grid.
     pub samples: Table,
     /// What frames leave for the host.
@@ -75,14 +62,7 @@ impl Tables {
             contact_rows: Ranges::default(),
             due: Due::new(table("due", Usage::INDIRECT), table("page starts", Usage::empty())),
             tile_rows: Vec::new(),
-            colliders: Upload::new(device, "colliders", Usage::STORAGE),
-            spans: Upload::new(device, "spans", Usage::STORAGE),
-            load_jobs: Upload::new(device, "load jobs", Usage::STORAGE),
-            loads: Upload::new(device, "loads", Usage::STORAGE),
-            edit_jobs: Upload::new(device, "edit jobs", Usage::STORAGE),
-            operations: Upload::new(device, "operations", Usage::STORAGE),
-            operation_lists: Upload::new(device, "operation lists", Usage::STORAGE),
-            sample_jobs: Upload::new(device, "sample jobs", Usage::STORAGE),
+            orders: Orders::new(table("orders", Usage::empty())),
             samples: table("samples", Usage::empty()),
             results: Results::new(table("results", Usage::empty())),
             mail: Mail::new(device),
@@ -166,19 +146,9 @@ impl Tables {
                 mail.write(tiles, u64::from(tile) * bytes.len() as u64, bytes);
             }
         }
-        let grew = [
-            self.colliders.flush(d, mail),
-            self.spans.flush(d, mail),
-            self.load_jobs.flush(d, mail),
-            self.loads.flush(d, mail),
-            self.edit_jobs.flush(d, mail),
-            self.operations.flush(d, mail),
-            self.operation_lists.flush(d, mail),
-            self.sample_jobs.flush(d, mail),
-            self.due.flush(d, mail),
-            self.runs.flush(d, mail),
-        ]
-        .contains(&true);
+        let grew =
+            [self.orders.flush(device, mail), self.due.flush(d, mail), self.runs.flush(d, mail)]
+                .contains(&true);
         if grew {
             self.bindings.clear();
         }
@@ -229,35 +199,22 @@ impl Tables {
             &page.expect("only pages with tiles in them are dispatched").cells[index]
         };
         let buffer = match resource {
-            Resource::OperationResults => return self.results.binding(Section::Operations),
-            Resource::PackedCount => return self.results.binding(Section::PackedCount),
-            Resource::Tallies => return self.results.binding(Section::Tallies),
-            Resource::PackedGroups => return self.results.binding(Section::PackedGroups),
-            Resource::Packed => return self.results.binding(Section::Packed),
             Resource::Sessions => self.sessions.buffer(),
             Resource::Runs => self.runs.buffer(),
             Resource::PageStarts => self.due.starts(),
             Resource::Due => self.due.buffer(),
-            Resource::Colliders => self.colliders.buffer(),
-            Resource::Spans => self.spans.buffer(),
             Resource::Contacts => self.contacts.buffer(),
-            Resource::LoadJobs => self.load_jobs.buffer(),
-            Resource::Loads => self.loads.buffer(),
-            Resource::EditJobs => self.edit_jobs.buffer(),
-            Resource::Operations => self.operations.buffer(),
-            Resource::OperationLists => self.operation_lists.buffer(),
-            Resource::SampleJobs => self.sample_jobs.buffer(),
             Resource::Samples => self.samples.buffer(),
             Resource::Mass => cells(0),
             Resource::Thickness => cells(1),
             Resource::Temperature => cells(2),
             Resource::Stress => cells(3),
-            Resource::Tiles
-            | Resource::States
-            | Resource::Heights
-            | Resource::Filled
-            | Resource::Ground => {
-                arena.table(resource).expect("the arena has a table of each of these")
+            _ => {
+                let table = || Some(arena.table(resource)?.as_entire_binding());
+                let rows = self.orders.binding(resource);
+                return rows.or_else(|| self.results.binding(resource)).or_else(table).expect(
+                    "every other resource is one of the orders, results or arena's tables",
+                );
             }
         };
         buffer.as_entire_binding()

@@ -27,7 +27,7 @@ impl Planner<'_> {
     /// Plans the edits of one round of all snowpacks: snow falls, then contacts and stresses are
     /// evaluated.
     pub fn edits(&mut self, residents: &mut Residents, rounds: Vec<(Slot, Round)>) {
-        let first_collider = self.tables.colliders.len();
+        let first_collider = self.tables.orders.colliders.len();
         let mut edited = Edited::default();
         for (slot, round) in rounds {
             if let Some(resident) = residents.get_mut(slot) {
@@ -36,8 +36,8 @@ impl Planner<'_> {
         }
         let jobs = by_page(edited.edit_jobs);
         for (page, jobs) in jobs {
-            let (first, count) = (self.tables.edit_jobs.len(), jobs.len() as u32);
-            self.tables.edit_jobs.rows.extend(jobs);
+            let (first, count) = (self.tables.orders.edit_jobs.len(), jobs.len() as u32);
+            self.tables.orders.edit_jobs.extend(jobs);
             self.dispatch(KernelId::Snowfall, page, Pass { first, count, ..edit_pass() }, count);
         }
         if edited.colliders > 0 {
@@ -46,8 +46,8 @@ impl Planner<'_> {
             self.dispatch(KernelId::Contact, 0, pass, count);
         }
         for (page, jobs) in by_page(edited.load_jobs) {
-            let (first, count) = (self.tables.load_jobs.len(), jobs.len() as u32);
-            self.tables.load_jobs.rows.extend(jobs);
+            let (first, count) = (self.tables.orders.load_jobs.len(), jobs.len() as u32);
+            self.tables.orders.load_jobs.extend(jobs);
             self.dispatch(KernelId::Stress, page, Pass { first, count, ..edit_pass() }, count);
         }
     }
@@ -62,7 +62,7 @@ impl Planner<'_> {
             match edit {
                 Edit::Deposit(_) | Edit::Clear { .. } => {
                     let (operation, columns) = operation(&edit, result);
-                    let row = self.tables.operations.push(operation);
+                    let row = self.tables.orders.operations.push(operation);
                     for tile in tiles_in(columns, resident.row.tiles_x) {
                         snowed.entry(tile).or_default().push(row);
                     }
@@ -126,13 +126,13 @@ impl Planner<'_> {
         snowed: BTreeMap<u32, Vec<u32>>,
         jobs: &mut Vec<(u32, EditJob)>,
     ) {
-        let rows = &mut self.tables.operation_lists.rows;
+        let rows = &mut self.tables.orders.operation_lists;
         let mut lists: HashMap<Vec<u32>, u32> = HashMap::new();
         for (tile, list) in snowed {
             let operations = list.len() as u32;
             let first_operation = *lists.entry(list).or_insert_with_key(|list| {
-                rows.extend(list);
-                rows.len() as u32 - operations
+                rows.extend(list.iter().copied());
+                rows.len() - operations
             });
             let tile_row = resident.lot.tiles.start + tile;
             let job = EditJob { tile: tile_row, first_operation, operations, padding: 0 };
@@ -175,14 +175,14 @@ impl Planner<'_> {
         tiles: impl Iterator<Item = u32>,
         jobs: &mut Vec<(u32, LoadJob)>,
     ) {
-        let first_collider = self.tables.colliders.len();
-        let (colliders, spans) = resident.collider_rows(slot, self.tables.spans.len());
-        self.tables.colliders.rows.extend(colliders);
-        self.tables.spans.rows.extend(spans);
+        let first_collider = self.tables.orders.colliders.len();
+        let (colliders, spans) = resident.collider_rows(slot, self.tables.orders.spans.len());
+        self.tables.orders.colliders.extend(colliders);
+        self.tables.orders.spans.extend(spans);
         for tile in tiles {
-            let first_load = self.tables.loads.len();
+            let first_load = self.tables.orders.loads.len();
             let ranks = resident.loads.get(&tile).map_or(&[][..], Vec::as_slice);
-            self.tables.loads.rows.extend(ranks.iter().map(|rank| first_collider + rank));
+            self.tables.orders.loads.extend(ranks.iter().map(|rank| first_collider + rank));
             let job = LoadJob {
                 tile: resident.lot.tiles.start + tile,
                 first_load,

@@ -32,7 +32,7 @@ impl Planner<'_> {
         let mut first = 0;
         for (work, wanted) in work.iter().flat_map(|w| w.samples.iter().map(move |s| (w, s))) {
             let Some(resident) = residents.get(work.slot) else { continue };
-            let job = self.tables.sample_jobs.push(SampleJob {
+            let job = self.tables.orders.sample_jobs.push(SampleJob {
                 session: work.slot,
                 first,
                 x0: wanted.columns.x0,

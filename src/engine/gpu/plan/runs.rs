@@ -141,7 +141,7 @@ impl Planner<'_> {
         if running.first().is_none_or(|&(most, _, _)| known && most == 1) {
             return None;
         }
-        let first = self.tables.colliders.len();
+        let first = self.tables.orders.colliders.len();
         let mut objects = Vec::new();
         let mut pages: BTreeMap<u32, Vec<(u32, LoadJob)>> = BTreeMap::new();
         for &(cycles, slot, resident) in &running {
@@ -153,8 +153,8 @@ impl Planner<'_> {
             }
         }
         let tiles = |(page, jobs): (u32, Vec<(u32, LoadJob)>)| {
-            let first = self.tables.load_jobs.len();
-            self.tables.load_jobs.rows.extend(jobs.iter().map(|(_, job)| *job));
+            let first = self.tables.orders.load_jobs.len();
+            self.tables.orders.load_jobs.extend(jobs.iter().map(|(_, job)| *job));
             let tiles = jobs.into_iter().map(|(cycles, job)| (cycles, job.tile)).collect();
             LoadedTiles { page, first, tiles }
         };
