@@ -52,6 +52,27 @@ fn spread(distribution: u32, depth: f32, width: f32, top: bool) -> f32 {
     return select(0.0, 1.0, distribution == UNIFORM || top);
 }
 
+// Cells of a column that are fetched together, while those above them are evaluated.
+const AT_ONCE: u32 = 4u;
+
+struct Cells {
+    mass: vec4<u32>,
+    thickness: vec4<u32>,
+    stress: vec4<f32>,
+}
+
+// The topmost of the lowest `count` cells of a column, from above; the lowest again where they are
+// fewer than four.
+fn load(row: u32, count: u32, column: u32) -> Cells {
+    let top = vec4(max(count, 1u) - 1u);
+    let i = (row + top - min(top, vec4(0u, 1u, 2u, 3u))) * TILE_COLUMNS + column;
+    return Cells(
+        vec4(mass[i.x], mass[i.y], mass[i.z], mass[i.w]),
+        vec4(thickness[i.x], thickness[i.y], thickness[i.z], thickness[i.w]),
+        vec4(stress[i.x], stress[i.y], stress[i.z], stress[i.w]),
+    );
+}
+
 @compute @workgroup_size(64)
 fn evaluate_stress(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -91,27 +112,32 @@ fn evaluate_stress(
     var above = 0u;
     var changed = false;
     let cells = filled[place];
-    for (var rank = 0u; rank < cells; rank++) {
-        let cell = (row.row + cells - 1u - rank) * TILE_COLUMNS + column;
-        sum += mass[cell];
-        let d = thickness[cell];
-        let depth = (f32(above) + 0.5 * f32(d)) * session.metres;
-        var load_stress = 0.0;
-        for (var i = 0u; i < count; i++) {
-            load_stress += kept[i].x * spread(session.load_distribution, depth, kept[i].y, rank == 0u);
-        }
-        for (var i = next; i < end; i++) {
-            let load = load_on(session, loads[i], position, elevation);
-            if load.x > 0.0 {
-                load_stress += load.x * spread(session.load_distribution, depth, load.y, rank == 0u);
+    var below = load(row.row, cells, column);
+    for (var first = 0u; first < cells; first += AT_ONCE) {
+        let here = below;
+        below = load(row.row, cells - min(cells, first + AT_ONCE), column);
+        for (var i = 0u; i < AT_ONCE && first + i < cells; i++) {
+            let rank = first + i;
+            sum += here.mass[i];
+            let d = here.thickness[i];
+            let depth = (f32(above) + 0.5 * f32(d)) * session.metres;
+            var load_stress = 0.0;
+            for (var j = 0u; j < count; j++) {
+                load_stress += kept[j].x * spread(session.load_distribution, depth, kept[j].y, rank == 0u);
             }
+            for (var j = next; j < end; j++) {
+                let more = load_on(session, loads[j], position, elevation);
+                if more.x > 0.0 {
+                    load_stress += more.x * spread(session.load_distribution, depth, more.y, rank == 0u);
+                }
+            }
+            let sigma = GRAVITY * (f32(sum) * MASS_QUANTUM) + load_stress;
+            if bitcast<u32>(sigma) != bitcast<u32>(here.stress[i]) {
+                stress[(row.row + cells - 1u - rank) * TILE_COLUMNS + column] = sigma;
+                changed = true;
+            }
+            above += d;
         }
-        let sigma = GRAVITY * (f32(sum) * MASS_QUANTUM) + load_stress;
-        if bitcast<u32>(sigma) != bitcast<u32>(stress[cell]) {
-            stress[cell] = sigma;
-            changed = true;
-        }
-        above += d;
     }
     if changed {
         atomicStore(&any_changed, 1u);

@@ -70,6 +70,8 @@ impl Due {
         let bytes: &[u8] = bytemuck::cast_slice(&self.firsts);
         self.starts.reserve(&device.device, bytes.len() as u64);
         device.queue.write_buffer(self.starts.buffer(), 0, bytes);
+        // A new buffer is all 0, as heads have to be.
+        self.table.replace(&device.device);
         self.told.clear();
     }
 
@@ -98,7 +100,7 @@ impl Due {
         grew
     }
 
-    /// Clears the lengths of the pages' lists, and the arguments made of them.
+    /// Clears the lengths of the pages' lists, and the arguments made of them, for the next frame.
     pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.clear_buffer(
             self.table.buffer(),

@@ -18,7 +18,7 @@ impl GpuBackend {
     /// Carries a frame out and begins to read back what came of it.
     pub(super) fn carry_out(&mut self, mut frame: Frame) {
         let survey = Survey::new(&mut frame, &self.residents);
-        let Survey { mut rounds, parts, totals, running } = survey;
+        let Survey { mut rounds, parts, totals } = survey;
         let last = rounds.pop().unwrap_or_default();
 
         self.tables.fit_to(&self.device, &self.arena);
@@ -43,12 +43,13 @@ impl GpuBackend {
         planner.edits(residents, last);
         planner.set_runs(&frame.work, always_awake);
         let loaded = frame.work.iter().zip(&parts).filter(|(_, part)| part.may_be_loaded);
-        planner.runs(residents, &frame.work, loaded.map(|(work, _)| work), running);
-        planner.reports(residents, &frame.work, &totals.groups);
-        planner.samples(residents, &frame.work);
+        planner.runs(residents, &frame.work, loaded.map(|(work, _)| work), &totals);
+        planner.reports(residents, &frame.work, &totals);
         let dispatches = planner.dispatches;
         self.encode(&mut encoder, &dispatches);
-
+        if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
+            self.tables.due.clear(&mut encoder);
+        }
         self.readback.copy(&self.device, &mut encoder, &self.tables, totals);
         if let Some(profile) = &self.profile {
             profile.finish(&mut encoder);
@@ -83,9 +84,6 @@ impl GpuBackend {
         for dispatch in dispatches {
             let (kernel, page) = (dispatch.kernel, dispatch.page);
             self.tables.bind(&self.device, &self.arena, &self.pipelines, kernel, page);
-        }
-        if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
-            self.tables.due.clear(encoder);
         }
         if self.profile.as_ref().is_some_and(Profile::is_taking_times) {
             self.encode_timed(encoder, dispatches);

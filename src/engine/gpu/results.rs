@@ -128,13 +128,13 @@ mod tests {
 
     #[test]
     fn what_is_near_is_one_piece() {
-        let extent = Extent([0..0, 256..260, 512..5000, 9000..9100, 40_000..50_000]);
+        let extent = Extent([0..0, 256..260, 512..5000, 8960..9060, 40_960..50_960]);
         let pieces: Vec<_> = extent.pieces().collect();
-        assert_eq!(pieces, [256..9100, 40_000..50_000]);
+        assert_eq!(pieces, [256..9216, 40_960..51_200]);
         assert_eq!(extent.place(Section::Operations), 0..0);
         assert_eq!(extent.place(Section::PackedCount), 0..4);
         assert_eq!(extent.place(Section::Tallies), 256..4744);
-        assert_eq!(extent.place(Section::PackedGroups), 8744..8844);
-        assert_eq!(extent.place(Section::Packed), 8844..18_844);
+        assert_eq!(extent.place(Section::PackedGroups), 8704..8804);
+        assert_eq!(extent.place(Section::Packed), 8960..18_960);
     }
 }

@@ -74,7 +74,8 @@ impl<const N: usize> Sections<N> {
     }
 }
 
-/// Ranges in ascending order, those that are not empty, with small gaps between them.
+/// Ranges that begin where sections do, in ascending order; those with small gaps between them make one.
+/// Each ends where a section may begin: copies to and from odd places take longer.
 pub fn pieces(ranges: &[Range<u64>]) -> impl Iterator<Item = Range<u64>> + '_ {
     let mut filled = ranges.iter().filter(|range| !range.is_empty()).cloned().peekable();
     std::iter::from_fn(move || {
@@ -82,6 +83,7 @@ pub fn pieces(ranges: &[Range<u64>]) -> impl Iterator<Item = Range<u64>> + '_ {
         while let Some(next) = filled.next_if(|next| next.start - piece.end <= GAP) {
             piece.end = next.end;
         }
+        piece.end = piece.end.next_multiple_of(ALIGNMENT);
         Some(piece)
     })
 }

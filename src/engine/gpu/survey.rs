@@ -19,8 +19,6 @@ pub struct Survey {
     pub parts: Vec<Part>,
     /// How much there is in all.
     pub totals: Totals,
-    /// Tiles of the snowpacks that run.
-    pub running: usize,
 }
 
 /// What one work is about.
@@ -41,12 +39,20 @@ pub struct Totals {
     pub work: u64,
     /// Edits.
     pub edits: u32,
-    /// Most tiles that can be published, and the groups of 64 that they are among.
+    /// Whether all tiles of a snowpack are to be woken.
+    pub wakes: bool,
+    /// Most cycles of a snowpack.
+    pub cycles: u32,
+    /// Tiles of the snowpacks that run.
+    pub running: usize,
+    /// Most tiles that can be published.
     pub tiles: u64,
-    /// Groups of 64 tiles.
+    /// Groups of 64 tiles that they are among.
     pub groups: Range<u32>,
     /// Cells of the fixed grid.
     pub samples: u64,
+    /// Whether masses are to be summed.
+    pub tally: bool,
     /// Whether objects may have to be reported.
     pub contacts: bool,
 }
@@ -75,6 +81,8 @@ impl Survey {
         let first = totals.edits;
         totals.edits += work.edits.len() as u32;
         totals.work += 1;
+        totals.wakes |= work.wake;
+        totals.tally |= work.tally;
         let may_be_loaded = loaded || !work.edits.is_empty();
         if work.publish {
             let own = tiles.start / 64..tiles.end.div_ceil(64);
@@ -87,7 +95,8 @@ impl Survey {
         }
         totals.samples += work.samples.iter().map(SampleBox::cells).sum::<u64>();
         if work.run.cycles > 0 {
-            self.running += tiles.len();
+            totals.cycles = totals.cycles.max(work.run.cycles);
+            totals.running += tiles.len();
         }
         self.parts.push(Part { edits: first..totals.edits, tiles, may_be_loaded });
         if !work.edits.is_empty() {

@@ -1,22 +1,30 @@
 //! What is read of the snow when all else is done.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
 
 use crate::engine::frame::Work;
 use crate::engine::gpu::kernels::KernelId;
 use crate::engine::gpu::layout::{Pass, SampleJob};
 use crate::engine::gpu::resident::Residents;
+use crate::engine::gpu::survey::Totals;
 use crate::snow::REFERENCE_CELL_SIZE;
 
 use super::{Planner, tiles_in};
 
 impl Planner<'_> {
     /// Plans what is reported of the snowpacks.
-    /// `groups` are those of 64 tiles in which there are tiles that publish.
-    pub fn reports(&mut self, residents: &Residents, work: &[Work], groups: &Range<u32>) {
-        let (first, count) = (groups.start, groups.len() as u32);
+    pub fn reports(&mut self, residents: &Residents, work: &[Work], totals: &Totals) {
+        let (first, count) = (totals.groups.start, totals.groups.len() as u32);
         self.dispatch(KernelId::Publish, 0, Pass { first, count, ..Pass::default() }, count);
+        if totals.tally {
+            self.tallies(residents, work);
+        }
+        if totals.samples > 0 {
+            self.samples(residents, work);
+        }
+    }
+
+    fn tallies(&mut self, residents: &Residents, work: &[Work]) {
         for resident in work.iter().filter(|w| w.tally).filter_map(|w| residents.get(w.slot)) {
             let pages: BTreeSet<u32> = resident.lot.places.iter().map(|place| place.page).collect();
             let (first, count) = (resident.lot.tiles.start, resident.lot.places.len() as u32);
@@ -28,7 +36,7 @@ impl Planner<'_> {
     }
 
     /// Plans the boxes of the fixed grid that are asked for.
-    pub fn samples(&mut self, residents: &Residents, work: &[Work]) {
+    fn samples(&mut self, residents: &Residents, work: &[Work]) {
         let mut first = 0;
         for (work, wanted) in work.iter().flat_map(|w| w.samples.iter().map(move |s| (w, s))) {
             let Some(resident) = residents.get(work.slot) else { continue };

@@ -9,6 +9,7 @@ use crate::engine::gpu::layout::{
     ALWAYS_AWAKE, BACKWARDS, EDITED, LoadJob, PUBLISH, Pass, Run, UNDER_OBJECTS, WAKE,
 };
 use crate::engine::gpu::resident::{Resident, Residents};
+use crate::engine::gpu::survey::Totals;
 use crate::snow::REFERENCE_CELL_SIZE;
 
 use super::{Dispatch, Planner};
@@ -52,24 +53,22 @@ impl Planner<'_> {
         self.tables.runs.set((0..).zip(work).map(run));
     }
 
-    /// Plans the cycles of all snowpacks. `loaded` has the work on all snowpacks with objects, and
-    /// all running ones have some number of tiles.
+    /// Plans the cycles of all snowpacks. `loaded` has the work on all snowpacks with objects.
     pub fn runs<'w>(
         &mut self,
         residents: &Residents,
         work: &[Work],
         loaded: impl Iterator<Item = &'w Work>,
-        running_tiles: usize,
+        totals: &Totals,
     ) {
         let loaded = self.loaded(residents, loaded);
         if let Some(loaded) = loaded.as_ref().filter(|loaded| !loaded.known) {
             self.press(loaded, 0);
         }
-        let wakes = work.iter().any(|work| work.wake);
-        if wakes || running_tiles > FEW_TILES {
-            self.scheduled_runs(work);
+        if totals.wakes || totals.running > FEW_TILES {
+            self.scheduled_runs(totals);
         } else {
-            self.listed_runs(residents, work, running_tiles);
+            self.listed_runs(residents, work, totals);
         }
         if let Some(loaded) = loaded {
             self.later_cycles(&loaded);
@@ -77,12 +76,11 @@ impl Planner<'_> {
     }
 
     /// Due tiles that are awake, listed by the device.
-    fn scheduled_runs(&mut self, work: &[Work]) {
+    fn scheduled_runs(&mut self, totals: &Totals) {
         let tile_end = self.arena.tile_end();
         let pass = Pass { count: tile_end, ..Pass::default() };
         self.dispatch(KernelId::Schedule, 0, pass, tile_end.div_ceil(64));
-        let cycles = work.iter().map(|work| work.run.cycles).max().unwrap_or(0);
-        for part in self.parts(cycles) {
+        for part in self.parts(totals.cycles) {
             let flags = if *self.turns % 2 == 1 { BACKWARDS } else { 0 };
             *self.turns = self.turns.wrapping_add(1);
             for (page, _) in (0..).zip(self.arena.pages.rows()).filter(|&(_, rows)| rows > 0) {
@@ -104,17 +102,17 @@ impl Planner<'_> {
 
     /// All due tiles, listed by the host: where they are few, that is faster than to ask the device
     /// which of them are awake.
-    fn listed_runs(&mut self, residents: &Residents, work: &[Work], count: usize) {
+    fn listed_runs(&mut self, residents: &Residents, work: &[Work], totals: &Totals) {
         let mut lists: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for work in work.iter().filter(|work| work.run.cycles > 0) {
             let Some(resident) = residents.get(work.slot) else { continue };
             for (tile, place) in (resident.lot.tiles.start..).zip(&resident.lot.places) {
-                let list = lists.entry(place.page).or_insert_with(|| Vec::with_capacity(count));
+                let list =
+                    lists.entry(place.page).or_insert_with(|| Vec::with_capacity(totals.running));
                 list.push(tile);
             }
         }
-        let cycles = work.iter().map(|work| work.run.cycles).max().unwrap_or(0);
-        let parts = self.parts(cycles);
+        let parts = self.parts(totals.cycles);
         for (page, tiles) in lists {
             let count = tiles.len() as u32;
             let length = self.tables.due.list(tiles);
