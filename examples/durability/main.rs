@@ -1,5 +1,5 @@
-//! What durability costs: how long a restart takes after a kill, what checkpoints do to frames, and
-//! what sessions at rest cost.
+//! What durability costs: how long a restart takes after a kill and a session takes to wake, what
+//! checkpoints do to frames, and what sessions at rest cost.
 //!
 //! ```sh
 //! cargo run --release --example durability -- gpu            # everything; or cpu
@@ -9,6 +9,7 @@
 mod frames;
 mod recovery;
 mod rest;
+mod waking;
 
 use std::error::Error;
 use std::fs;
@@ -46,6 +47,8 @@ struct Arguments {
 enum Part {
     /// How long a start takes after a kill.
     Recovery,
+    /// How long a request waits for a session that hibernates.
+    Waking,
     /// What checkpoints do to frames.
     Frames,
     /// What sessions at rest cost.
@@ -58,6 +61,7 @@ fn main() -> Result<()> {
     for &part in if parts.is_empty() { Part::value_variants() } else { &parts } {
         match part {
             Part::Recovery => recovery::measure(&runtime, backend)?,
+            Part::Waking => waking::measure(&runtime, backend)?,
             Part::Frames => frames::measure(&runtime, backend)?,
             Part::Rest => rest::measure(&runtime, backend)?,
         }
@@ -84,13 +88,14 @@ impl Drop for Directory {
 }
 
 fn open(backend: BackendChoice, data: &Path, interval: Duration) -> Result<(Sessions, World)> {
-    open_on(backend, Box::new(RedbStore::in_directory(data)?), interval)
+    open_on(backend, Box::new(RedbStore::in_directory(data)?), interval, 20.0)
 }
 
 fn open_on(
     backend: BackendChoice,
     store: Box<dyn Store>,
     checkpoint_interval: Duration,
+    publish_rate: f64,
 ) -> Result<(Sessions, World)> {
     let limits = Limits {
         sessions: 100_000,
@@ -98,7 +103,7 @@ fn open_on(
         cells: 1 << 40,
         colliders_per_session: 16,
     };
-    let config = WorldConfig { limits, publish_rate: 20.0, sleep: true };
+    let config = WorldConfig { limits, publish_rate, sleep: true };
     let engine = EngineConfig { backend, device_memory: None };
     let durability = Durability { store, checkpoint_interval };
     Ok(World::open(Box::new(move || open_backend(&engine)), config, durability)?)

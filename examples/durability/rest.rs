@@ -51,7 +51,7 @@ pub fn measure(runtime: &Runtime, backend: BackendChoice) -> Result<()> {
     for (name, store) in stores {
         let (commits, rows) = (Arc::<AtomicU64>::default(), Arc::<AtomicU64>::default());
         let counting = Counting { store, commits: commits.clone(), rows: rows.clone() };
-        let (sessions, world) = open_on(backend, Box::new(counting), NEVER)?;
+        let (sessions, world) = open_on(backend, Box::new(counting), NEVER, 20.0)?;
         for id in 0..SESSIONS {
             runtime.block_on(sessions.create(spec(id)))?;
         }

@@ -21,6 +21,8 @@ pub struct FrameTime {
     pub sessions: u32,
     /// Tiles whose heights it published.
     pub published_tiles: u32,
+    /// Checkpoints that were taken with it.
+    pub checkpoints: u32,
     /// Time from when it was begun until all of it was published.
     pub took: Duration,
     /// What that was made of.

@@ -9,6 +9,7 @@ mod device;
 mod disk;
 mod drain;
 mod faults;
+mod frames;
 mod hibernation;
 mod kill;
 mod process;

@@ -224,6 +224,7 @@ fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> std::io::Result<Joi
 
 /// Makes checkpoints of snapshots until there will be no more.
 fn encode(jobs: &mpsc::Receiver<Job>, tasks: &mpsc::Sender<Task>, shared: &Shared) {
+    yield_to_frames();
     while let Ok(Job { key, generation, base, taken }) = jobs.recv() {
         let records = match taken.snapshot.encode() {
             Ok(snapshot) => {
@@ -241,6 +242,18 @@ fn encode(jobs: &mpsc::Receiver<Job>, tasks: &mpsc::Sender<Task>, shared: &Share
         let _ = tasks.send(Task::Commit(vec![submission], None));
     }
 }
+
+/// Has this thread wait for all others: where there are few processors, or the device is one of them,
+/// frames would take twice as long while a checkpoint is compressed.
+#[cfg(target_os = "linux")]
+fn yield_to_frames() {
+    // On Linux a thread has a priority of its own. That it can't be lowered is no reason not to go on.
+    let _ = rustix::process::nice(19);
+}
+
+/// Elsewhere that would be the priority of the whole process.
+#[cfg(not(target_os = "linux"))]
+fn yield_to_frames() {}
 
 pub(super) fn refuse(acks: Vec<Ack>, why: &SessionError) {
     acks.into_iter().for_each(|ack| ack(Err(why.clone())));

@@ -93,6 +93,9 @@ impl Engine {
             if frame.sessions > 0 || self.frame > beat {
                 self.vitals.note(FrameTime { took: begun.elapsed(), ..frame });
             }
+            if self.frame > beat {
+                self.begin_checkpoint();
+            }
         }
     }
 
@@ -181,7 +184,10 @@ impl Engine {
             time.published_tiles = outcome.published.count();
             for done in conclude(part, outcome, time.parts.backend()) {
                 match done.left {
-                    Some(left) => self.hand_over(done.key, left),
+                    Some(left) => {
+                        time.checkpoints += u32::from(left.checkpoint.is_some());
+                        self.hand_over(done.key, left);
+                    }
                     None => failed.push(done.key),
                 }
                 if done.review {

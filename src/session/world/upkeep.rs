@@ -45,15 +45,20 @@ impl Engine {
             let Some(key) = self.ends.pop_due(now) else { break };
             self.end(key, now);
         }
-        // One checkpoint at a time, and none while it could not be stored.
+        self.journal.send();
+        Ok(())
+    }
+
+    /// Begins a checkpoint, where one is due: one at a time, and none while it could not be stored. It is
+    /// taken in a frame of its own before the next beat, so that no frame with cycles takes longer for it.
+    pub(super) fn begin_checkpoint(&mut self) {
+        let now = Instant::now();
         while self.checkpointing.is_none()
             && self.journal.refusal().is_none()
             && let Some(key) = self.saves.pop_due(now)
         {
             self.save(key);
         }
-        self.journal.send();
-        Ok(())
     }
 
     /// Notes when a session is to be looked at next.
@@ -116,7 +121,7 @@ impl Engine {
         simulation.frozen = tired;
         simulation.next.checkpoint = true;
         self.checkpointing = Some(key);
-        self.simulations.set_active(key, true);
+        self.review(key);
     }
 
     /// Hands what a frame has left of a session to the journal.
