@@ -4,76 +4,26 @@ use std::any::Any;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 
-use serde::Serialize;
-use tokio::sync::{Semaphore, broadcast, mpsc, oneshot, watch};
+use tokio::sync::{Semaphore, broadcast, mpsc, watch};
 use tokio_util::sync::CancellationToken;
-use utoipa::ToSchema;
 
-use crate::engine::frame::{TileCells, cell_bytes};
-use crate::snow::{CELL, ColumnRect};
+use crate::engine::frame::cell_bytes;
+use crate::snow::CELL;
 
-use super::change::{Change, StepSpec};
 use super::clock::Clock;
-use super::error::{Invalid, SessionError};
-use super::gather::Sampled;
+use super::event::Event;
 use super::journal::Identity;
-use super::message::{self, Message};
+use super::message::Message;
 use super::mirror::Mirror;
-use super::once::{Answered, Once};
+use super::once::Answered;
 use super::registry::Sessions;
-use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 use super::spec::{Limits, SessionSpec};
-use super::token::{TokenHashes, Tokens};
-use super::view::{Applied, ColumnView, MassView, SessionView, Stamp, State};
-use super::{gather, view};
+use super::token::TokenHashes;
+use super::view::{SessionView, Stamp, State};
 
 /// Events a stream client that is slower than this many of them loses the oldest.
 const EVENT_BACKLOG: usize = 64;
-
-/// Something that happened in a session, told to stream clients while they are connected.
-#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-#[serde(tag = "event", rename_all = "snake_case")]
-pub enum Event {
-    /// Snow fell because somebody asked for it; continuous snowfall shows in the settings.
-    Snowfall {
-        /// When.
-        #[serde(flatten)]
-        stamp: Stamp,
-        /// Mass that fell \[kg\], the refused part included.
-        fallen_mass: f64,
-        /// Mass that found no room \[kg\].
-        refused_mass: f64,
-    },
-    /// Snow was cleared.
-    Clearing {
-        /// When.
-        #[serde(flatten)]
-        stamp: Stamp,
-        /// Mass that was removed \[kg\].
-        cleared_mass: f64,
-    },
-    /// The settings changed, by the air's temperature or otherwise.
-    Settings {
-        /// When.
-        #[serde(flatten)]
-        stamp: Stamp,
-        /// All settings, as they are now.
-        settings: view::Settings,
-    },
-    /// Nothing moves any more.
-    Settled {
-        /// When.
-        #[serde(flatten)]
-        stamp: Stamp,
-    },
-    /// The session is back in the state it was created in.
-    Reset {
-        /// When.
-        #[serde(flatten)]
-        stamp: Stamp,
-    },
-}
 
 /// A session. Reads are served from its mirror; changes go to the world's thread.
 #[derive(Debug)]
@@ -91,7 +41,7 @@ pub struct Session {
     /// The snapshot that it was made from, where it was.
     pub(super) origin: Option<Arc<[u8]>>,
     pub(super) limits: Limits,
-    decoding: Arc<Semaphore>,
+    pub(super) decoding: Arc<Semaphore>,
     /// Key in the world; never used twice.
     pub(super) key: u64,
     pub(super) mirror: RwLock<Mirror>,
@@ -111,7 +61,7 @@ pub struct Session {
     pub(super) world: mpsc::Sender<Message>,
     /// Frames so far, of all sessions.
     pub(super) frames: Arc<AtomicU64>,
-    answered: Arc<Answered>,
+    pub(super) answered: Arc<Answered>,
     companion: OnceLock<Arc<dyn Any + Send + Sync>>,
 }
 
@@ -208,20 +158,6 @@ impl Session {
         self.tokens.subscribe()
     }
 
-    /// Gives it other tokens. When this returns that is durable, the old ones have stopped working,
-    /// and streams that were opened with them end.
-    ///
-    /// # Errors
-    /// [`SessionError::StorageFailed`], and [`SessionError::Internal`] where there are no random
-    /// numbers; the old ones go on working then.
-    pub async fn reissue_tokens(&self) -> Result<Tokens, SessionError> {
-        let tokens = Tokens::generate()
-            .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
-        let hashes = tokens.hashes();
-        self.ask(|reply| Message::Tokens { key: self.key, hashes, reply }).await?;
-        Ok(tokens)
-    }
-
     pub(super) fn set_tokens(&self, tokens: TokenHashes) {
         self.tokens.send_replace(tokens);
     }
@@ -313,160 +249,10 @@ impl Session {
         }
     }
 
-    /// Applies a change in the next frame, and returns when it is durable and the next read sees it.
-    ///
-    /// # Errors
-    /// Those of the change; it is applied whole or not at all.
-    pub async fn change(&self, change: Change) -> Result<Applied, SessionError> {
-        self.change_once(change, None).await
-    }
-
-    /// As [`Session::change`]; where the request was carried out before, its answer, and nothing
-    /// changes.
-    ///
-    /// # Errors
-    /// As [`Session::change`].
-    pub async fn change_once(
-        &self,
-        change: Change,
-        once: Option<Once>,
-    ) -> Result<Applied, SessionError> {
-        match self.answered.answer(once.as_ref()) {
-            Some(applied) => Ok(applied),
-            None => self.ask(|reply| Message::Change { key: self.key, change, once, reply }).await,
-        }
-    }
-
-    /// Steps a paused session as fast as the machine can. Dropping the future ends it early, at
-    /// the tick it has reached.
-    ///
-    /// # Errors
-    /// [`SessionError::Conflict`] where the session runs or is being stepped already, and
-    /// [`SessionError::Invalid`].
-    pub async fn step(&self, step: StepSpec) -> Result<SessionView, SessionError> {
-        self.ask(|reply| Message::Step { key: self.key, step, reply }).await?;
-        Ok(self.view())
-    }
-
-    /// Brings the session back to the state it was created in; seqs go on.
-    ///
-    /// # Errors
-    /// [`SessionError::Conflict`] while it is being stepped.
-    pub async fn reset(&self) -> Result<SessionView, SessionError> {
-        let saved = match &self.origin {
-            None => None,
-            Some(bytes) => {
-                let permit = self.decoding.clone().acquire_owned().await;
-                let (bytes, limits) = (bytes.clone(), self.limits);
-                let decoded = blocking(move || {
-                    let _permit = permit;
-                    Snapshot::decode(&bytes, &limits)
-                });
-                let decoded = decoded.await?;
-                Some(Box::new(decoded))
-            }
-        };
-        self.ask(|reply| Message::Reset { key: self.key, saved, reply }).await?;
-        Ok(self.view())
-    }
-
-    /// The material cells of a column.
-    ///
-    /// # Errors
-    /// [`SessionError::NotFound`] where the column is not in the grid.
-    pub async fn column(&self, x: u32, z: u32) -> Result<ColumnView, SessionError> {
-        let grid = self.spec.grid;
-        if x >= grid.width || z >= grid.depth {
-            return Err(SessionError::NotFound { kind: "column", id: format!("{x}/{z}") });
-        }
-        let (tile, column) = grid.locate(x, z);
-        let gathered = self.gather(vec![tile]).await?;
-        Ok(gather::column_view(&gathered, column, &grid))
-    }
-
-    /// The mass ledger, with the mass present summed over all cells.
-    ///
-    /// # Errors
-    /// [`SessionError::Unavailable`].
-    pub async fn mass(&self) -> Result<MassView, SessionError> {
-        self.ask(|reply| Message::Mass { key: self.key, reply }).await
-    }
-
-    /// All cells of some tiles, of one tick.
-    ///
-    /// # Errors
-    /// [`SessionError::Unavailable`].
-    pub async fn cells(&self, tiles: Vec<u32>) -> Result<Vec<TileCells>, SessionError> {
-        Ok(self.gather(tiles).await?.tiles)
-    }
-
-    /// The fixed grid's cells `y0..y0 + height` of some columns inside the grid.
-    ///
-    /// # Errors
-    /// [`SessionError::Invalid`] where they are more than [`gather::MOST_SAMPLES`].
-    pub async fn sample(
-        &self,
-        columns: ColumnRect,
-        y0: u32,
-        height: u32,
-    ) -> Result<Sampled, SessionError> {
-        let cells = columns.columns().saturating_mul(u64::from(height));
-        if cells > gather::MOST_SAMPLES {
-            let detail = format!("{cells} cells; at most {} at a time", gather::MOST_SAMPLES);
-            return Err(SessionError::Invalid(vec![Invalid { pointer: String::new(), detail }]));
-        }
-        self.ask(|reply| Message::Sample { key: self.key, columns, y0, height, reply }).await
-    }
-
     /// Cells of the fixed grid along y: the slots of a column, on the highest ground.
     pub fn sampled_height(&self) -> u32 {
         let (lowest, highest) = self.ground;
         let highest = self.spec.grid.thickness_quanta(highest - lowest);
         self.spec.grid.height + highest.div_ceil(u64::from(CELL)) as u32
     }
-
-    /// The whole session, of one tick.
-    ///
-    /// # Errors
-    /// [`SessionError::Unavailable`].
-    pub async fn snapshot(&self) -> Result<Snapshot, SessionError> {
-        self.ask(|reply| Message::Snapshot { key: self.key, reply }).await
-    }
-
-    /// Runs a closure on the world's thread with the session's simulation, for diagnosis.
-    ///
-    /// # Errors
-    /// [`SessionError::Internal`] where the closure panics; the session goes back to what is durable
-    /// of it then.
-    pub async fn inspect<T: Send + 'static>(
-        &self,
-        look: impl FnOnce(&Simulation) -> T + Send + 'static,
-    ) -> Result<T, SessionError> {
-        let (send, receive) = oneshot::channel();
-        let look = Box::new(move |simulation: &Simulation| {
-            let _ = send.send(look(simulation));
-        });
-        self.ask(|reply| Message::Inspect { key: self.key, look, reply }).await?;
-        receive.await.map_err(|_| message::stopped())
-    }
-
-    pub(super) async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
-        self.ask(|reply| Message::Gather { key: self.key, tiles, reply }).await
-    }
-
-    async fn ask<T>(
-        &self,
-        message: impl FnOnce(oneshot::Sender<Result<T, SessionError>>) -> Message,
-    ) -> Result<T, SessionError> {
-        message::ask(&self.world, message).await
-    }
-}
-
-/// Does work that takes a while off the threads that serve requests.
-pub(super) async fn blocking<T: Send + 'static>(
-    work: impl FnOnce() -> Result<T, SessionError> + Send + 'static,
-) -> Result<T, SessionError> {
-    tokio::task::spawn_blocking(work)
-        .await
-        .map_err(|_| SessionError::Internal("reading or making a snapshot failed".to_owned()))?
 }

@@ -6,8 +6,8 @@ use crate::engine::frame::WorkOutcome;
 use crate::engine::published::TileColumns;
 use crate::snow::{CELL, Contact, Grid};
 
+use super::event::Event;
 use super::gather::{Gathered, Sampled};
-use super::handle::Event;
 use super::journal::Taken;
 use super::mirror::Mirror;
 use super::once::Done;

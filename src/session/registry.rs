@@ -1,19 +1,19 @@
 //! All sessions of the server, by name.
 
-use std::collections::BTreeMap;
-use std::ops::Bound;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use tokio::sync::{Semaphore, mpsc};
 
 use crate::engine::frame::DeviceInfo;
 
 use super::error::{Check, SessionError};
-use super::handle::{Session, blocking};
+use super::handle::Session;
 use super::idempotency::RequestKey;
 use super::message::{self, Message};
+use super::names::{Names, Place};
 use super::once::{Answered, Done, DoneResult, Once};
+use super::requests::blocking;
 use super::snapshot::Snapshot;
 use super::spec::{Limits, SessionSpec};
 use super::token::Tokens;
@@ -23,61 +23,6 @@ use super::world::Fault;
 
 /// Snapshots that are decoded at the same time: each may take as much memory as a whole session.
 const DECODED_AT_ONCE: usize = 2;
-
-/// Sessions by name; a name is taken from the moment its creation begins.
-#[derive(Debug, Default)]
-pub(super) struct Names(RwLock<BTreeMap<String, Entry>>);
-
-#[derive(Debug)]
-struct Entry {
-    cells: u64,
-    /// `None` while the session is being made.
-    session: Option<Arc<Session>>,
-}
-
-impl Names {
-    fn read(&self) -> RwLockReadGuard<'_, BTreeMap<String, Entry>> {
-        self.0.read().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn write(&self) -> RwLockWriteGuard<'_, BTreeMap<String, Entry>> {
-        self.0.write().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn reserve(&self, id: &str, cells: u64, limits: &Limits) -> Result<(), SessionError> {
-        let mut names = self.write();
-        if names.contains_key(id) {
-            return Err(SessionError::Conflict(format!("there is a session '{id}' already")));
-        }
-        if names.len() >= limits.sessions {
-            return Err(SessionError::ServerFull(format!(
-                "the server holds its {} sessions already; delete one first",
-                limits.sessions
-            )));
-        }
-        let held: u64 = names.values().map(|entry| entry.cells).sum();
-        if held + cells > limits.cells {
-            return Err(SessionError::ServerFull(format!(
-                "{cells} cells more than the {held} held already would exceed the server's {}; \
-                 delete a session first",
-                limits.cells
-            )));
-        }
-        names.insert(id.to_owned(), Entry { cells, session: None });
-        Ok(())
-    }
-
-    /// Enters a session that outlived the last stop.
-    pub(super) fn recover(&self, session: Arc<Session>) {
-        let entry = Entry { cells: session.spec.grid.cells(), session: Some(session.clone()) };
-        self.write().insert(session.id.clone(), entry);
-    }
-
-    /// Forgets a session.
-    pub(super) fn remove(&self, id: &str) {
-        self.write().remove(id);
-    }
-}
 
 /// Sums over all sessions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -226,7 +171,7 @@ impl Sessions {
 
     async fn make(
         &self,
-        mut place: Place,
+        place: Place,
         spec: SessionSpec,
         saved: Option<(Arc<[u8]>, Box<Snapshot>)>,
         once: Option<Once>,
@@ -241,10 +186,7 @@ impl Sessions {
         let made = session.clone();
         message::ask(&self.world, |reply| Message::Create { session: made, saved, done, reply })
             .await?;
-        if let Some(entry) = self.names.write().get_mut(&place.id) {
-            entry.session = Some(session.clone());
-        }
-        place.kept = true;
+        place.keep(session.clone());
         Ok((session, tokens))
     }
 
@@ -264,7 +206,7 @@ impl Sessions {
 
     /// A session by its name, without being a use of it.
     pub fn peek(&self, id: &str) -> Option<Arc<Session>> {
-        self.names.read().get(id).and_then(|entry| entry.session.clone())
+        self.names.get(id)
     }
 
     /// As [`Sessions::peek`], for who tells others that there is no such session.
@@ -280,13 +222,7 @@ impl Sessions {
 
     /// Up to `limit` sessions in ascending order of their names, those after `after`.
     pub fn list(&self, after: Option<&str>, limit: usize) -> Vec<Arc<Session>> {
-        let from = after.map_or(Bound::Unbounded, Bound::Excluded);
-        self.names
-            .read()
-            .range::<str, _>((from, Bound::Unbounded))
-            .filter_map(|(_, entry)| entry.session.clone())
-            .take(limit)
-            .collect()
+        self.names.list(after, limit)
     }
 
     /// Deletes a session; its device memory is free when this returns.
@@ -300,13 +236,13 @@ impl Sessions {
 
     /// How many sessions there are.
     pub fn count(&self) -> usize {
-        self.names.read().len()
+        self.names.count()
     }
 
     /// Sums over all sessions.
     pub fn totals(&self) -> Totals {
         let mut totals = Totals::default();
-        for session in self.names.read().values().filter_map(|entry| entry.session.as_ref()) {
+        for session in self.names.list(None, usize::MAX) {
             totals.active_tiles += u64::from(session.mirror().active_tiles);
             totals.tiles += u64::from(session.spec.grid.tiles());
             totals.device_memory += session.device_memory();
@@ -332,33 +268,4 @@ impl Sessions {
 
 fn recovering() -> SessionError {
     SessionError::Unavailable("sessions are being brought back; /readyz says when".to_owned())
-}
-
-/// A place for a session that is being made; given back where that fails or is abandoned.
-struct Place {
-    names: Arc<Names>,
-    id: String,
-    kept: bool,
-}
-
-impl Place {
-    /// Takes a name, or makes one, and the room that a session needs.
-    fn reserve(
-        names: Arc<Names>,
-        id: Option<String>,
-        spec: &SessionSpec,
-        limits: &Limits,
-    ) -> Result<Place, SessionError> {
-        let id = id.unwrap_or_else(|| ulid::Ulid::generate().to_string());
-        names.reserve(&id, spec.grid.cells(), limits)?;
-        Ok(Place { names, id, kept: false })
-    }
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        if !self.kept {
-            self.names.remove(&self.id);
-        }
-    }
 }

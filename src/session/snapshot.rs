@@ -1,21 +1,21 @@
 //! A whole snowpack in one piece: saved, checked and restored bit for bit. `api/snapshot.md`
 //! describes the bytes.
 
-use std::io::Read;
+mod body;
+mod description;
+
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
 use crate::engine::frame::{Contents, Edit, Placement, TileCells};
-use crate::snow::{CELL, Contact, Footprint, Material, Position, Shape, TILE_COLUMNS};
+use crate::snow::Footprint;
 
-use super::clock::Clock;
-use super::error::{Check, Invalid, SessionError};
-use super::falling::Falling;
-use super::gather::Ledger;
+use super::error::{Invalid, SessionError};
 use super::simulation::{Collider, Simulation};
 use super::spec::{Limits, SessionSpec};
-use super::view::{Settings, Stamp};
+use super::view::Stamp;
+
+use self::body::Body;
+use self::description::{Description, SavedCollider};
 
 /// Media type of a snapshot.
 pub const MEDIA_TYPE: &str = "application/vnd.firn.snapshot";
@@ -35,32 +35,6 @@ pub struct Snapshot {
     pub stamp: Stamp,
     pub(super) description: Description,
     pub(super) tiles: Arc<Vec<TileCells>>,
-}
-
-/// Everything but the cells.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Description {
-    pub spec: SessionSpec,
-    pub settings: Settings,
-    pub material: Material,
-    pub clock: Clock,
-    pub falling: Falling,
-    pub ledger: Ledger,
-    pub settled: bool,
-    pub last_cycle: Option<f64>,
-    pub colliders: Vec<SavedCollider>,
-}
-
-/// An object and how it touched the snow.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct SavedCollider {
-    pub id: String,
-    pub mass: f64,
-    pub shape: Shape,
-    pub position: Position,
-    pub contact: Contact,
 }
 
 impl Snapshot {
@@ -222,145 +196,6 @@ impl Simulation {
     }
 }
 
-impl Description {
-    fn check(&self, limits: &Limits) -> Result<(), SessionError> {
-        self.spec.check(limits)?;
-        let mut check = Check::default();
-        check.settings(&self.settings);
-        check.range("/material/stiffness_exponent", self.material.stiffness_exponent, 3.0, 6.0, "");
-        let fixed =
-            Material { stiffness_exponent: self.spec.material.stiffness_exponent, ..self.material };
-        let clock_fits = self.clock.is_sound(self.settings.tick_rate, self.settings.time_scale);
-        let ledger = &self.ledger;
-        let out = ledger.refused.checked_add(ledger.cleared);
-        for (pointer, sound) in [
-            ("/spec/id", self.spec.id.is_none()),
-            ("/material", fixed == self.spec.material),
-            ("/clock", clock_fits),
-            ("/falling", self.falling.is_sound(self.clock.tick(), &self.spec)),
-            // Not more than falls in a million years of the heaviest snowfalls.
-            ("/ledger", out.is_some_and(|out| out <= ledger.fallen) && ledger.fallen < 1 << 120),
-            ("/last_cycle", self.last_cycle.is_none_or(|dt| (0.0..=1.0).contains(&dt))),
-            ("/colliders", self.colliders.len() <= limits.colliders_per_session),
-        ] {
-            if !sound {
-                check.reject(pointer, "is not what a server would have saved");
-            }
-        }
-        for (i, saved) in self.colliders.iter().enumerate() {
-            let at = format!("/colliders/{i}");
-            let SavedCollider { mass, shape, position, contact, .. } = *saved;
-            let object = Collider { mass, shape, position, contact };
-            object.check(&mut check, &at, &saved.id, &self.spec.grid);
-            let ordered = i == 0 || self.colliders[i - 1].id < saved.id;
-            let positive = |number: f32| number > 0.0 && number.is_finite();
-            if !(ordered && positive(contact.area) && positive(contact.pressure)) {
-                check.reject(at, "is not what a server would have saved");
-            }
-        }
-        check.finish()
-    }
-
-    fn check_mass(&self, tiles: &[TileCells]) -> Result<(), SessionError> {
-        let mass: u64 = tiles.iter().flat_map(|tile| &tile.mass).map(|&mass| u64::from(mass)).sum();
-        if u128::from(mass) == self.ledger.present() {
-            return Ok(());
-        }
-        Err(refused("the mass of its cells is not that of its ledger"))
-    }
-}
-
-/// Reads the body of a snapshot, hashing it on the way.
-struct Body<'a> {
-    reader: zstd::Decoder<'static, std::io::BufReader<&'a [u8]>>,
-    hasher: blake3::Hasher,
-}
-
-impl<'a> Body<'a> {
-    fn open(compressed: &'a [u8]) -> Result<Body<'a>, SessionError> {
-        let reader = zstd::Decoder::new(compressed).map_err(unreadable)?;
-        Ok(Body { reader, hasher: blake3::Hasher::new() })
-    }
-
-    /// The next bytes. Memory grows with what is really there, not with what is announced.
-    fn bytes(&mut self, length: u64) -> Result<Vec<u8>, SessionError> {
-        let mut bytes = Vec::new();
-        self.reader.by_ref().take(length).read_to_end(&mut bytes).map_err(unreadable)?;
-        if (bytes.len() as u64) < length {
-            return Err(refused("it is cut short"));
-        }
-        self.hasher.update(&bytes);
-        Ok(bytes)
-    }
-
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], SessionError> {
-        let bytes = self.bytes(N as u64)?;
-        bytes.try_into().map_err(|_| refused("it is cut short"))
-    }
-
-    fn words(&mut self, count: u64) -> Result<Vec<u32>, SessionError> {
-        let bytes = self.bytes(count * 4)?;
-        let word = |b: &[u8]| u32::from_le_bytes([b[0], b[1], b[2], b[3]]);
-        Ok(bytes.chunks_exact(4).map(word).collect())
-    }
-
-    /// The cells of all tiles.
-    fn tiles(&mut self, spec: &SessionSpec) -> Result<Vec<TileCells>, SessionError> {
-        let grid = &spec.grid;
-        let counts = self.bytes(grid.columns())?;
-        if counts.iter().any(|&count| u32::from(count) > grid.height) {
-            return Err(refused("a column has more cells than slots"));
-        }
-        let total = counts.iter().map(|&count| u64::from(count)).sum();
-        let (mass, thickness) = (self.words(total)?, self.words(total)?);
-        let (temperature, stress) = (self.words(total)?, self.words(total)?);
-        let celsius = -40.0..=0.0;
-        // A thousandth, and two quanta, for what is rounded.
-        let densest = grid.cell_size * spec.material.max_density / 64.0 * 1.001;
-        let light = |(&mass, &d): (&u32, &u32)| f64::from(mass) <= f64::from(d) * densest + 2.0;
-        let sound = mass.iter().all(|&mass| mass > 0)
-            && mass.iter().zip(&thickness).all(light)
-            && thickness.iter().all(|&d| (1..=CELL).contains(&d))
-            && temperature.iter().all(|&t| celsius.contains(&f32::from_bits(t)))
-            && stress.iter().all(|&s| f32::from_bits(s).is_finite());
-        if !sound {
-            return Err(refused("a cell is not what a server would have saved"));
-        }
-        // No more slots than are filled: a small file makes no large memory.
-        let mut tops = vec![0; grid.tiles() as usize];
-        for ((tile, _), &count) in columns(spec).zip(&counts) {
-            tops[tile] = count.max(tops[tile]);
-        }
-        let mut tiles: Vec<TileCells> =
-            tops.into_iter().map(|top| TileCells::empty(top.into())).collect();
-        let mut next = 0;
-        for ((tile, column), count) in columns(spec).zip(counts) {
-            let tile = &mut tiles[tile];
-            for slot in 0..usize::from(count) {
-                let to = slot * TILE_COLUMNS as usize + column as usize;
-                tile.mass[to] = mass[next];
-                tile.thickness[to] = thickness[next];
-                tile.temperature[to] = f32::from_bits(temperature[next]);
-                tile.stress[to] = f32::from_bits(stress[next]);
-                next += 1;
-            }
-        }
-        Ok(tiles)
-    }
-
-    /// Makes sure that nothing is left over, and that everything is as it was saved.
-    fn finish(mut self, digest: &[u8]) -> Result<(), SessionError> {
-        let mut rest = [0];
-        if self.reader.read(&mut rest).map_err(unreadable)? > 0 {
-            return Err(refused("something follows its end"));
-        }
-        if self.hasher.finalize().as_bytes() != digest {
-            return Err(refused("it is damaged: its digest is another"));
-        }
-        Ok(())
-    }
-}
-
 /// Tile and column of each column of a grid, row by row.
 fn columns(spec: &SessionSpec) -> impl Iterator<Item = (usize, u32)> + '_ {
     let grid = &spec.grid;
@@ -375,10 +210,6 @@ fn columns(spec: &SessionSpec) -> impl Iterator<Item = (usize, u32)> + '_ {
 fn refused(why: &str) -> SessionError {
     let detail = format!("the snapshot can't be restored: {why}");
     SessionError::Invalid(vec![Invalid { pointer: String::new(), detail }])
-}
-
-fn unreadable(error: std::io::Error) -> SessionError {
-    refused(&format!("it is damaged: {error}"))
 }
 
 fn internal(error: impl std::fmt::Display) -> SessionError {

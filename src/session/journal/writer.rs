@@ -5,6 +5,8 @@
 //! back to what the image holds, which is what is durable. Until the store has been written to
 //! again, changes are refused and everything else goes on.
 
+mod failure;
+
 use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -12,14 +14,13 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc::WeakSender;
-use tracing::{error, info};
 
 use crate::session::error::SessionError;
 use crate::session::message::Message;
 use crate::session::once::Done;
 use crate::store::{Kind, Row, Store, StoreError, Write};
 
-use super::handle::{Feedback, Shared, Task, lock, refuse, unstorable};
+use super::handle::{Feedback, Shared, Task, lock, refuse};
 use super::image::{Submission, beat};
 use super::{Heartbeat, Mark, Record};
 
@@ -253,86 +254,6 @@ impl Writer {
                 self.drop_checkpoint(&submission);
             }
             submission.acks.into_iter().for_each(|ack| ack(Ok(())));
-        }
-    }
-
-    /// Refuses everything, and has it undone.
-    fn reject(&mut self, batch: Vec<Submission>, failure: &StoreError) {
-        let newly = lock(&self.shared.failure).replace(failure.clone()).is_none();
-        if newly {
-            self.shared.vitals.set_healthy(false);
-            error!("the store can't be written to: {failure}; changes are refused until it can");
-            self.next_attempt = Instant::now() + RETRY;
-        }
-        let (mut undo, mut refused) = (Vec::new(), Vec::new());
-        let why = unstorable(failure);
-        for submission in batch {
-            self.spoiled.insert(submission.key);
-            self.drop_checkpoint(&submission);
-            let replaced = matches!(submission.records[..], [Record::Checkpoint(_)] | []);
-            if submission.can_wait() {
-                if let Some(Record::Mark(mark)) = submission.records.last() {
-                    self.late.insert(submission.key, (submission.generation, mark.clone()));
-                }
-            } else if submission.deletes() {
-                let result = Err(why.clone());
-                self.tell(Feedback::Deleted { key: submission.key, result });
-            } else if !replaced && !undo.contains(&submission.key) {
-                undo.push(submission.key);
-            }
-            refused.extend(submission.acks);
-        }
-        {
-            let mut image = lock(&self.shared.image);
-            for key in &undo {
-                if let Some(stored) = image.get_mut(key) {
-                    stored.generation += 1;
-                }
-            }
-        }
-        if !undo.is_empty() {
-            self.tell(Feedback::Undo { keys: undo, refused, why });
-        }
-    }
-
-    /// Writes anew what the store may hold wrongly, once it can be written to again.
-    fn heal(&mut self, at_once: bool) {
-        if !self.is_failed() || (Instant::now() < self.next_attempt && !at_once) {
-            return;
-        }
-        self.next_attempt = Instant::now() + RETRY;
-        let mut writes = Vec::new();
-        {
-            let mut image = lock(&self.shared.image);
-            for key in &self.spoiled {
-                let Some(stored) = image.get_mut(key) else {
-                    writes.push(Write::RemoveSession(*key));
-                    continue;
-                };
-                if let Some((generation, mark)) = self.late.get(key)
-                    && *generation == stored.generation
-                {
-                    stored.mark = mark.clone();
-                }
-                stored.submission(*key).writes(&mut writes);
-            }
-        }
-        if self.store.commit(&writes).is_ok() {
-            info!("the store can be written to again; changes are taken");
-            self.spoiled.clear();
-            self.late.clear();
-            *lock(&self.shared.failure) = None;
-            self.shared.vitals.set_healthy(true);
-        }
-    }
-
-    /// Tells the world that a checkpoint did not come to be.
-    fn drop_checkpoint(&self, submission: &Submission) {
-        if submission.acks.is_empty()
-            && matches!(submission.records[..], [Record::Checkpoint(_)] | [])
-        {
-            let (key, generation) = (submission.key, submission.generation);
-            self.tell(Feedback::Checkpoint { key, generation, stored: false });
         }
     }
 

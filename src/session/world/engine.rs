@@ -1,7 +1,6 @@
 //! The loop of the world's thread: beats, frames and what came of them.
 
 use std::collections::{BTreeMap, HashMap};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -9,28 +8,24 @@ use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use tracing::error;
 
-use crate::engine::frame::{Backend, EngineError, Frame, Outcome, Work};
-use crate::parallel;
+use crate::engine::frame::{Backend, EngineError};
 use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
-use crate::session::gather::MOST_SAMPLES;
 use crate::session::handle::Session;
-use crate::session::journal::{Journal, Left};
+use crate::session::journal::Journal;
 use crate::session::message::Message;
+use crate::session::names::Names;
 use crate::session::orders::Answer;
 use crate::session::pace::Pace;
-use crate::session::registry::Names;
-use crate::session::simulation::{Simulation, Turn};
+use crate::session::simulation::Simulation;
 use crate::session::vitals::{FrameTime, Vitals};
 
 use super::deadlines::Deadlines;
+use super::frame::caught;
 use super::revive::Revival;
 use super::simulations::Simulations;
 use super::slots::Slots;
 use super::{INBOX, OpenBackend, WorldConfig};
-
-/// Longest wait for the device at a time.
-const PATIENCE: Duration = Duration::from_millis(100);
 
 /// What lives on the world's thread.
 pub(super) struct Engine {
@@ -156,54 +151,6 @@ impl Engine {
         publications(self.frame) > publications(self.frame - 1)
     }
 
-    /// Submits one frame for everybody who has something to do, concludes it, and says what it
-    /// took.
-    pub(super) fn carry_out_frame(&mut self, publish: bool) -> Result<FrameTime, EngineError> {
-        self.busy = false;
-        let mut lap = Lap(Instant::now());
-        let turn = Turn {
-            frame: self.frame,
-            publish,
-            sleep: self.config.sleep,
-            samples: &AtomicU64::new(MOST_SAMPLES),
-            slipped_us: &self.vitals.slipped_us,
-        };
-        let Planned { work, part, mut idle, mut failed } =
-            plan(&mut self.simulations, |simulation| simulation.plan(turn));
-        let mut time = FrameTime { sessions: part.len() as u32, ..FrameTime::default() };
-        time.parts.planning = lap.next();
-        if !part.is_empty() {
-            self.backend.submit(Frame { work })?;
-            time.parts.submitting = lap.next();
-            let outcome = loop {
-                if let Some(outcome) = self.backend.poll(PATIENCE)? {
-                    break outcome;
-                }
-            };
-            time.parts.waiting = lap.next();
-            time.published_tiles = outcome.published.count();
-            for done in conclude(part, outcome, time.parts.backend()) {
-                match done.left {
-                    Some(left) => {
-                        time.checkpoints += u32::from(left.checkpoint.is_some());
-                        self.hand_over(done.key, left);
-                    }
-                    None => failed.push(done.key),
-                }
-                if done.review {
-                    idle.push(done.key);
-                }
-            }
-            self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
-            self.vitals.note_stages(&self.backend.stage_times()?);
-        }
-        self.journal.send();
-        failed.into_iter().for_each(|key| self.fell(key));
-        idle.into_iter().for_each(|key| self.review(key));
-        time.parts.concluding = lap.next();
-        Ok(time)
-    }
-
     /// Keeps a simulation among the active ones where it has more to do. Where not, only time goes
     /// on in it from here.
     pub(super) fn review(&mut self, key: u64) {
@@ -238,7 +185,7 @@ impl Engine {
     }
 
     /// Sees to it that a session in which something panicked is brought back.
-    fn fell(&mut self, key: u64) {
+    pub(super) fn fell(&mut self, key: u64) {
         let Some(simulation) = self.simulations.get(&key) else { return };
         let id = simulation.session.id.clone();
         if self.reviving {
@@ -250,89 +197,4 @@ impl Engine {
             self.fallen.push(key);
         }
     }
-}
-
-/// What simulations do in a frame.
-struct Planned<'s> {
-    work: Vec<Work>,
-    /// Those that it is for, in the same order.
-    part: Vec<&'s mut Simulation>,
-    /// Keys of those with nothing to do.
-    idle: Vec<u64>,
-    /// Keys of those that panicked.
-    failed: Vec<u64>,
-}
-
-/// Asks the active simulations what they do in a frame.
-fn plan(
-    simulations: &mut Simulations,
-    ask: impl Fn(&mut Simulation) -> Option<Work> + Sync + Send,
-) -> Planned<'_> {
-    let mut part = simulations.active_mut();
-    let plans = parallel::each(part.iter_mut().collect(), |simulation| caught(|| ask(simulation)));
-    let (mut idle, mut failed) = (Vec::new(), Vec::new());
-    let mut members = std::mem::take(&mut part).into_iter();
-    part.reserve(plans.len());
-    let work = plans.into_iter().filter_map(|plan| {
-        let simulation = members.next()?;
-        match plan {
-            Some(Some(work)) => {
-                part.push(simulation);
-                return Some(work);
-            }
-            Some(None) => idle.push(simulation.session.key),
-            None => failed.push(simulation.session.key),
-        }
-        None
-    });
-    Planned { work: work.collect(), part, idle, failed }
-}
-
-/// What has to be done after a simulation has taken in its outcome.
-struct Concluded {
-    key: u64,
-    /// What goes to the journal; nothing where it panicked.
-    left: Option<Left>,
-    /// Whether it has orders, or nothing more to do.
-    review: bool,
-}
-
-/// Lets simulations take in their outcomes, in the order of the frame's work. For most of them there
-/// is nothing to be done after that.
-fn conclude(
-    part: Vec<&mut Simulation>,
-    outcome: Outcome,
-    took: Duration,
-) -> impl Iterator<Item = Concluded> + use<> {
-    let published = &outcome.published;
-    let concluded = parallel::each_pair(part, outcome.work, |simulation, work| {
-        let left = caught(|| {
-            if let Some(job) = &mut simulation.step {
-                job.fit(took);
-            }
-            simulation.portions.fit(took);
-            let tiles = published.tiles(work.tiles.clone());
-            simulation.conclude(work, tiles);
-            simulation.leave()
-        });
-        let review = simulation.has_orders() || !simulation.wants_frames();
-        let nothing = !review && left.as_ref().is_some_and(Left::is_nothing);
-        (!nothing).then(|| Box::new(Concluded { key: simulation.session.key, left, review }))
-    });
-    concluded.into_iter().flatten().map(|concluded| *concluded)
-}
-
-/// Takes the times from one moment to the next.
-struct Lap(Instant);
-
-impl Lap {
-    fn next(&mut self) -> Duration {
-        let now = Instant::now();
-        now.duration_since(std::mem::replace(&mut self.0, now))
-    }
-}
-
-/// The value, or nothing where there was a panic.
-fn caught<T>(act: impl FnOnce() -> T) -> Option<T> {
-    catch_unwind(AssertUnwindSafe(act)).ok()
 }

@@ -1,0 +1,183 @@
+//! What a session can be asked: each request goes to the world's thread and returns with its answer.
+
+use tokio::sync::oneshot;
+
+use crate::engine::frame::TileCells;
+use crate::snow::ColumnRect;
+
+use super::change::{Change, StepSpec};
+use super::error::{Invalid, SessionError};
+use super::gather::{self, Sampled};
+use super::handle::Session;
+use super::message::{self, Message};
+use super::once::Once;
+use super::simulation::Simulation;
+use super::snapshot::Snapshot;
+use super::token::Tokens;
+use super::view::{Applied, ColumnView, MassView, SessionView};
+
+impl Session {
+    /// Applies a change in the next frame, and returns when it is durable and the next read sees it.
+    ///
+    /// # Errors
+    /// Those of the change; it is applied whole or not at all.
+    pub async fn change(&self, change: Change) -> Result<Applied, SessionError> {
+        self.change_once(change, None).await
+    }
+
+    /// As [`Session::change`]; where the request was carried out before, its answer, and nothing
+    /// changes.
+    ///
+    /// # Errors
+    /// As [`Session::change`].
+    pub async fn change_once(
+        &self,
+        change: Change,
+        once: Option<Once>,
+    ) -> Result<Applied, SessionError> {
+        match self.answered.answer(once.as_ref()) {
+            Some(applied) => Ok(applied),
+            None => self.ask(|reply| Message::Change { key: self.key, change, once, reply }).await,
+        }
+    }
+
+    /// Steps a paused session as fast as the machine can. Dropping the future ends it early, at
+    /// the tick it has reached.
+    ///
+    /// # Errors
+    /// [`SessionError::Conflict`] where the session runs or is being stepped already, and
+    /// [`SessionError::Invalid`].
+    pub async fn step(&self, step: StepSpec) -> Result<SessionView, SessionError> {
+        self.ask(|reply| Message::Step { key: self.key, step, reply }).await?;
+        Ok(self.view())
+    }
+
+    /// Brings the session back to the state it was created in; seqs go on.
+    ///
+    /// # Errors
+    /// [`SessionError::Conflict`] while it is being stepped.
+    pub async fn reset(&self) -> Result<SessionView, SessionError> {
+        let saved = match &self.origin {
+            None => None,
+            Some(bytes) => {
+                let permit = self.decoding.clone().acquire_owned().await;
+                let (bytes, limits) = (bytes.clone(), self.limits);
+                let decoded = blocking(move || {
+                    let _permit = permit;
+                    Snapshot::decode(&bytes, &limits)
+                });
+                let decoded = decoded.await?;
+                Some(Box::new(decoded))
+            }
+        };
+        self.ask(|reply| Message::Reset { key: self.key, saved, reply }).await?;
+        Ok(self.view())
+    }
+
+    /// The material cells of a column.
+    ///
+    /// # Errors
+    /// [`SessionError::NotFound`] where the column is not in the grid.
+    pub async fn column(&self, x: u32, z: u32) -> Result<ColumnView, SessionError> {
+        let grid = self.spec.grid;
+        if x >= grid.width || z >= grid.depth {
+            return Err(SessionError::NotFound { kind: "column", id: format!("{x}/{z}") });
+        }
+        let (tile, column) = grid.locate(x, z);
+        let gathered = self.gather(vec![tile]).await?;
+        Ok(gather::column_view(&gathered, column, &grid))
+    }
+
+    /// The mass ledger, with the mass present summed over all cells.
+    ///
+    /// # Errors
+    /// [`SessionError::Unavailable`].
+    pub async fn mass(&self) -> Result<MassView, SessionError> {
+        self.ask(|reply| Message::Mass { key: self.key, reply }).await
+    }
+
+    /// All cells of some tiles, of one tick.
+    ///
+    /// # Errors
+    /// [`SessionError::Unavailable`].
+    pub async fn cells(&self, tiles: Vec<u32>) -> Result<Vec<TileCells>, SessionError> {
+        Ok(self.gather(tiles).await?.tiles)
+    }
+
+    /// The fixed grid's cells `y0..y0 + height` of some columns inside the grid.
+    ///
+    /// # Errors
+    /// [`SessionError::Invalid`] where they are more than [`gather::MOST_SAMPLES`].
+    pub async fn sample(
+        &self,
+        columns: ColumnRect,
+        y0: u32,
+        height: u32,
+    ) -> Result<Sampled, SessionError> {
+        let cells = columns.columns().saturating_mul(u64::from(height));
+        if cells > gather::MOST_SAMPLES {
+            let detail = format!("{cells} cells; at most {} at a time", gather::MOST_SAMPLES);
+            return Err(SessionError::Invalid(vec![Invalid { pointer: String::new(), detail }]));
+        }
+        self.ask(|reply| Message::Sample { key: self.key, columns, y0, height, reply }).await
+    }
+
+    /// Gives it other tokens. When this returns that is durable, the old ones have stopped working,
+    /// and streams that were opened with them end.
+    ///
+    /// # Errors
+    /// [`SessionError::StorageFailed`], and [`SessionError::Internal`] where there are no random
+    /// numbers; the old ones go on working then.
+    pub async fn reissue_tokens(&self) -> Result<Tokens, SessionError> {
+        let tokens = Tokens::generate()
+            .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
+        let hashes = tokens.hashes();
+        self.ask(|reply| Message::Tokens { key: self.key, hashes, reply }).await?;
+        Ok(tokens)
+    }
+
+    /// The whole session, of one tick.
+    ///
+    /// # Errors
+    /// [`SessionError::Unavailable`].
+    pub async fn snapshot(&self) -> Result<Snapshot, SessionError> {
+        self.ask(|reply| Message::Snapshot { key: self.key, reply }).await
+    }
+
+    /// Runs a closure on the world's thread with the session's simulation, for diagnosis.
+    ///
+    /// # Errors
+    /// [`SessionError::Internal`] where the closure panics; the session goes back to what is durable
+    /// of it then.
+    pub async fn inspect<T: Send + 'static>(
+        &self,
+        look: impl FnOnce(&Simulation) -> T + Send + 'static,
+    ) -> Result<T, SessionError> {
+        let (send, receive) = oneshot::channel();
+        let look = Box::new(move |simulation: &Simulation| {
+            let _ = send.send(look(simulation));
+        });
+        self.ask(|reply| Message::Inspect { key: self.key, look, reply }).await?;
+        receive.await.map_err(|_| message::stopped())
+    }
+
+    pub(super) async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
+        self.ask(|reply| Message::Gather { key: self.key, tiles, reply }).await
+    }
+
+    async fn ask<T>(
+        &self,
+        message: impl FnOnce(oneshot::Sender<Result<T, SessionError>>) -> Message,
+    ) -> Result<T, SessionError> {
+        message::ask(&self.world, message).await
+    }
+}
+
+/// Does work that takes a while off the threads that serve requests.
+pub(super) async fn blocking<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, SessionError> + Send + 'static,
+) -> Result<T, SessionError> {
+    tokio::task::spawn_blocking(work)
+        .await
+        .map_err(|_| SessionError::Internal("reading or making a snapshot failed".to_owned()))?
+}
