@@ -194,7 +194,7 @@ struct Pass {
     // First entry of its list, and how many there are.
     first: u32,
     count: u32,
-    // Cycle that is run; all of the run's where `cycles` says so.
+    // First cycle that is run, and how many are run at the most.
     cycle: u32,
     cycles: u32,
     // The page whose cells are bound.

@@ -113,12 +113,20 @@ fn beside_a_busy_session<T>(
                 }
             }
         });
-        let acted = act();
-        done.store(true, Ordering::Relaxed);
-        acted
+        let _done = SetOnDrop(&done);
+        act()
     });
     host.runtime.block_on(host.sessions.delete(&other.id))?;
     acted
+}
+
+/// Sets a flag when it is dropped, by a panic too.
+struct SetOnDrop<'a>(&'a AtomicBool);
+
+impl Drop for SetOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
 }
 
 /// A vehicle drives through a large world at rest.

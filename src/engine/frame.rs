@@ -260,7 +260,7 @@ pub trait Backend {
     /// [`EngineError::OutOfMemory`] leaves everything as it was.
     fn create(&mut self, slot: Slot, layout: &Layout) -> Result<(), EngineError>;
 
-    /// Frees a snowpack's memory. Frames already submitted still see it.
+    /// Frees a snowpack's memory, once the outcome of the last frame it is in has been polled.
     fn release(&mut self, slot: Slot);
 
     /// Begins a frame.

@@ -28,7 +28,7 @@ impl Simulation {
     ) {
         name_collider(&mut change);
         let tick = self.clock.tick();
-        match self.apply(&change, most_colliders) {
+        match self.apply(&change, Some(most_colliders)) {
             Ok(kind) => {
                 self.log.record(tick, Event::Change(change));
                 self.next.replies.push(Reply::Change { kind, once, answer: Some(answer) });
@@ -40,7 +40,7 @@ impl Simulation {
 
     /// Takes a change into the next frame that was taken before.
     pub(super) fn repeat_change(&mut self, change: &Change) {
-        match self.apply(change, usize::MAX) {
+        match self.apply(change, None) {
             Ok(kind) => {
                 self.next.replies.push(Reply::Change { kind, once: None, answer: None });
             }
@@ -51,7 +51,8 @@ impl Simulation {
         }
     }
 
-    fn apply(&mut self, change: &Change, most: usize) -> Result<ReplyKind, SessionError> {
+    /// `most` is how many objects there may be; `None` where the change was allowed before.
+    fn apply(&mut self, change: &Change, most: Option<usize>) -> Result<ReplyKind, SessionError> {
         match change {
             Change::Snowfall(snowfall) => self.apply_snowfall(snowfall),
             Change::Clearing(clearing) => self.apply_clearing(clearing),
@@ -76,6 +77,7 @@ impl Simulation {
             Change::PatchCollider { id, patch } => self.patch_collider(id, patch, most),
             Change::DeleteCollider { id } => {
                 self.known_collider(id)?;
+                self.take_rows(self.rows_of([&**id]), 0, None)?;
                 self.remove_collider(id);
                 Ok(ReplyKind::Stamp)
             }

@@ -14,6 +14,9 @@ use super::once::Once;
 use super::snapshot::Snapshot;
 use super::view::{Applied, MassView};
 
+/// Edits of one session in one frame after which others wait for the next.
+pub(super) const MOST_EDITS: usize = 4096;
+
 /// Answer channel of a request.
 pub(super) type Answer<T> = oneshot::Sender<Result<T, SessionError>>;
 

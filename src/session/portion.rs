@@ -1,29 +1,35 @@
-//! A run of more cycles than one frame should have, carried out in portions.
+//! How many cycles a frame takes on, and runs of more, which are carried out in portions.
 //!
-//! A tick may have thousands of cycles. Nobody else waits for all of them: other snowpacks have
-//! their frames in between. The snowpack itself is between two ticks only when the last portion is
-//! done; until then its orders wait, and nothing of it is published.
+//! A step takes as many ticks at a time as a frame should have cycles. But a single tick may have
+//! thousands of cycles. Nobody else waits for all of them: other snowpacks have their frames in between.
+//! The snowpack itself is between two ticks only when the last portion is done; until then its orders
+//! wait, and nothing of it is published.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use crate::engine::frame::{Run, SampleBox, Work, WorkOutcome};
 
-/// Shortest and longest time that a frame with a portion should take: others wait no longer than
-/// two.
+/// Shortest and longest time that a frame should take: others wait no longer than two.
 pub(super) const FRAME_TIME: (Duration, Duration) =
     (Duration::from_millis(5), Duration::from_millis(11));
 
-/// Cycles of a snowpack's first portion.
-const FIRST: u32 = 64;
+/// The same where sessions are brought back: nobody waits for the frame's answer, but a device may
+/// take one that is much too long for a failure.
+pub(super) const REPLAY_TIME: (Duration, Duration) =
+    (Duration::from_millis(50), Duration::from_millis(200));
 
-/// Cycles that are never parted.
+/// Cycles of a snowpack's first frame.
+const FIRST: u32 = 8;
+
+/// Cycles that are never parted: many snowpacks that tick in one frame may make it a long one, and
+/// would only make more of them.
 const LEAST: u32 = 8;
 
 /// How a snowpack's runs are parted, and the one that is under way.
 #[derive(Debug)]
 pub(super) struct Portions {
-    /// Most cycles in one frame.
+    /// Cycles that a frame should have.
     size: u32,
     /// Cycles in the newest frame.
     cycles: u32,
@@ -55,10 +61,25 @@ impl Portions {
         self.under_way.is_some()
     }
 
+    /// Cycles that a frame should have at the most.
+    pub fn size(&self) -> u32 {
+        self.size
+    }
+
+    /// The same for ticks that are due, of which a frame has at least a few.
+    pub fn least(&self) -> u32 {
+        self.size.max(LEAST)
+    }
+
+    /// Forgets how many cycles were right: there is more to do in each of them now.
+    pub fn begin_anew(&mut self) {
+        self.size = self.size.min(FIRST);
+    }
+
     /// Begins with some work. Returns the part of it that goes into the coming frame.
     pub fn begin(&mut self, mut work: Work) -> Work {
-        self.cycles = work.run.cycles.min(self.size);
-        if work.run.cycles <= self.size {
+        self.cycles = work.run.cycles.min(self.least());
+        if work.run.cycles <= self.least() {
             return work;
         }
         let edits = std::mem::take(&mut work.edits);
@@ -76,7 +97,7 @@ impl Portions {
         let mut under_way = self.under_way.take()?;
         let rest = &mut under_way.rest;
         rest.publish = publish;
-        let work = if rest.run.cycles > self.size {
+        let work = if rest.run.cycles > self.least() {
             Some(self.part_of(rest))
         } else {
             let wanted = rest.samples.iter().map(SampleBox::cells).sum();
@@ -91,8 +112,8 @@ impl Portions {
 
     /// Takes the next portion off a run.
     fn part_of(&self, work: &mut Work) -> Work {
-        work.run.cycles -= self.size;
-        let run = Run { cycles: self.size, dt: work.run.dt };
+        work.run.cycles -= self.least();
+        let run = Run { cycles: self.least(), dt: work.run.dt };
         Work { slot: work.slot, run, ..Work::default() }
     }
 
@@ -112,15 +133,16 @@ impl Portions {
         Some(WorkOutcome { last_change, edits, ..outcome })
     }
 
-    /// Fits the size to the time that the newest frame took.
-    pub fn fit(&mut self, frame: Duration) {
-        if self.cycles <= LEAST {
+    /// Fits the size to the time that the newest frame took, and the shortest and longest that it
+    /// should take.
+    pub fn fit(&mut self, frame: Duration, (shortest, longest): (Duration, Duration)) {
+        if self.cycles == 0 {
             return;
         }
-        if frame > FRAME_TIME.1 {
-            self.size = (self.cycles / 2).max(LEAST);
-        } else if frame < FRAME_TIME.0 && self.cycles == self.size {
-            self.size = self.size.saturating_mul(2);
+        if frame > longest {
+            self.size = self.size.min((self.cycles / 2).max(1));
+        } else if frame < shortest {
+            self.size = self.size.max(self.cycles.saturating_mul(2));
         }
     }
 }
@@ -177,26 +199,45 @@ mod tests {
                 break whole;
             }
             assert!(portions.are_under_way());
-            portions.fit(Duration::from_millis(if frames < 3 { 1 } else { 7 }));
+            portions.fit(Duration::from_millis(if frames < 6 { 1 } else { 7 }), FRAME_TIME);
             next = portions.go_on(true, &room);
         };
-        assert_eq!((cycles, frames), (1000, 6), "64, 128, 256, 256, 256 and what is left");
+        assert_eq!((cycles, frames), (1000, 8), "8, 16, 32, 64, 128, 256, 256 and what is left");
         assert_eq!((outcome.last_change, outcome.edits), (700, vec![4]));
         assert!(!portions.are_under_way());
     }
 
+    /// The size after a run of so many cycles, in a frame of so many milliseconds.
+    fn fitted(portions: &mut Portions, cycles: u32, frame: u64) -> u32 {
+        portions.begin(work(cycles));
+        portions.under_way = None;
+        portions.fit(Duration::from_millis(frame), FRAME_TIME);
+        portions.size
+    }
+
     #[test]
-    fn slow_frames_make_small_portions_but_not_too_small() {
-        let mut portions = Portions::default();
-        for (frame, size) in [(50, 32), (12, 16), (90, 8), (90, 8), (6, 8)] {
-            portions.begin(work(5000));
-            portions.under_way = None;
-            portions.fit(Duration::from_millis(frame));
-            assert_eq!(portions.size, size);
+    fn slow_frames_make_small_portions_but_ticks_are_not_cut_too_small() {
+        let mut portions = Portions { size: 64, ..Portions::default() };
+        for (frame, size) in [(50, 32), (12, 16), (90, 8), (90, 4), (90, 4), (6, 4)] {
+            assert_eq!(fitted(&mut portions, 5000, frame), size);
         }
-        portions.begin(work(1));
-        portions.fit(Duration::from_millis(1));
-        assert_eq!(portions.size, 8, "a run that was not parted says nothing");
+        assert_eq!(portions.least(), LEAST);
+        for (cycles, size) in [(4, 2), (2, 1), (1, 1)] {
+            assert_eq!(fitted(&mut portions, cycles, 90), size, "steps take as few as it takes");
+        }
+    }
+
+    #[test]
+    fn only_a_frame_that_was_full_makes_larger_ones() {
+        let mut portions = Portions { size: 64, ..Portions::default() };
+        for (cycles, size) in [(1, 64), (32, 64), (33, 66), (66, 132), (5, 132)] {
+            assert_eq!(fitted(&mut portions, cycles, 1), size);
+        }
+        portions.begin_anew();
+        assert_eq!(portions.size, FIRST);
+        portions.begin(Work { run: Run::default(), ..work(1) });
+        portions.fit(Duration::from_millis(90), FRAME_TIME);
+        assert_eq!(portions.size, FIRST, "a frame without cycles says nothing");
     }
 
     #[test]
@@ -204,12 +245,12 @@ mod tests {
         let mut portions = Portions::default();
         let columns = crate::snow::ColumnRect { x0: 0, z0: 0, x1: 10, z1: 10 };
         let wanted = SampleBox { columns, y0: 0, height: 10, dt: 0.1 };
-        portions.begin(Work { samples: vec![wanted], ..work(100) });
+        portions.begin(Work { samples: vec![wanted], ..work(16) });
         assert!(portions.take_in(WorkOutcome::default()).is_none());
         assert!(portions.go_on(true, &AtomicU64::new(ROOM - 1)).is_none());
         assert!(portions.are_under_way());
         let room = AtomicU64::new(ROOM);
-        assert_eq!(portions.go_on(true, &room).unwrap().run.cycles, 36);
+        assert_eq!(portions.go_on(true, &room).unwrap().run.cycles, 8);
         assert_eq!(room.into_inner(), 0);
         assert!(portions.take_in(WorkOutcome::default()).is_some());
     }

@@ -80,10 +80,8 @@ impl Simulation {
     ) -> Stamp {
         let mut tiles = tiles.peekable();
         let session = self.session.clone();
-        for (collider, (_, contact)) in self.colliders.values_mut().zip(&outcome.contacts) {
-            collider.contact = *contact;
-        }
-        let colliders = self.collider_views(&outcome.contacts);
+        self.take_contacts(&outcome.contacts);
+        let colliders = self.collider_views();
         let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
         let colliders_changed = *mirror.colliders != *colliders;
         let asked = orders.replies.iter().any(|reply| matches!(reply, Reply::Change { .. }));
@@ -118,10 +116,11 @@ impl Simulation {
         outcome: &WorkOutcome,
         tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
     ) {
+        self.take_contacts(&outcome.contacts);
         let session = self.session.clone();
         let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
         tiles.for_each(|(tile, heights)| mirror.recall(tile, heights));
-        mirror.colliders = self.collider_views(&outcome.contacts);
+        mirror.colliders = self.collider_views();
         mirror.colliders_version = mirror.seq;
         mirror.active_tiles = outcome.active_tiles;
         self.write_clock(&mut mirror);
@@ -137,14 +136,19 @@ impl Simulation {
         mirror.material = self.material;
     }
 
-    fn collider_views(&self, contacts: &[(Arc<str>, Contact)]) -> Arc<[ColliderView]> {
+    /// Notes how the objects touch the snow.
+    fn take_contacts(&mut self, contacts: &[(Arc<str>, Contact)]) {
+        for (id, contact) in contacts {
+            if let Some(collider) = self.colliders.get_mut(id) {
+                collider.contact = *contact;
+            }
+        }
+    }
+
+    fn collider_views(&self) -> Arc<[ColliderView]> {
         let (ground, _) = self.session.ground;
         let grid = &self.session.spec.grid;
-        self.colliders
-            .iter()
-            .zip(contacts)
-            .map(|((id, collider), (_, contact))| view(id, collider, contact, grid, ground))
-            .collect()
+        self.colliders.iter().map(|(id, collider)| view(id, collider, grid, ground)).collect()
     }
 
     /// Answers everybody who waited for this frame.
@@ -245,13 +249,8 @@ impl Simulation {
     }
 }
 
-fn view(
-    id: &str,
-    collider: &Collider,
-    contact: &Contact,
-    grid: &Grid,
-    lowest_ground: f64,
-) -> ColliderView {
+fn view(id: &str, collider: &Collider, grid: &Grid, lowest_ground: f64) -> ColliderView {
+    let contact = &collider.contact;
     let metres = |units: f64| units * grid.cell_size * 2.0 / f64::from(CELL);
     ColliderView {
         id: id.to_owned(),

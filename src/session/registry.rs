@@ -197,7 +197,7 @@ impl Sessions {
     pub fn get(&self, id: &str) -> Result<Visit, SessionError> {
         let unknown = || SessionError::NotFound { kind: "session", id: id.to_owned() };
         let session = Visit::begin(self.find(id)?.ok_or_else(unknown)?);
-        if session.hibernating.load(Ordering::Relaxed) {
+        if session.hibernating.load(Ordering::SeqCst) {
             // A queue that is full wakes it with what is asked for next.
             let _ = self.world.try_send(Message::Wake { key: session.key });
         }
@@ -230,7 +230,9 @@ impl Sessions {
     /// # Errors
     /// [`SessionError::NotFound`].
     pub async fn delete(&self, id: &str) -> Result<(), SessionError> {
-        let session = self.get(id)?;
+        // It is not woken for that.
+        let unknown = || SessionError::NotFound { kind: "session", id: id.to_owned() };
+        let session = self.find(id)?.ok_or_else(unknown)?;
         message::ask(&self.world, |reply| Message::Delete { key: session.key, reply }).await
     }
 

@@ -12,7 +12,9 @@ use super::error::SessionError;
 use super::falling::{Falling, Snowing};
 use super::gather::Ledger;
 use super::handle::Session;
+use super::held::Held;
 use super::journal::{Event, Log, Replay};
+use super::object_rows::ObjectRows;
 use super::orders::{Answer, Flight, Orders, Reply, ReplyKind, refuse};
 use super::portion::Portions;
 use super::snapshot::Snapshot;
@@ -32,6 +34,8 @@ pub struct Simulation {
     pub(super) settings: Settings,
     pub(super) material: Material,
     pub(super) colliders: BTreeMap<Arc<str>, Collider>,
+    /// What they take in the device's tables.
+    pub(super) object_rows: ObjectRows,
     pub(super) ledger: Ledger,
     pub(super) falling: Falling,
     /// The last executed cycle changed no cell, and nothing was disturbed since.
@@ -46,6 +50,8 @@ pub struct Simulation {
     pub(super) next: Orders,
     /// What the run under way does.
     pub(super) flight: Flight,
+    /// Changes that wait for its end.
+    pub(super) held: Held,
     /// How runs are parted into frames.
     pub(super) portions: Portions,
     pub(super) step: Option<StepJob>,
@@ -69,11 +75,19 @@ pub(super) struct Collider {
     pub position: Position,
     /// As last published.
     pub contact: Contact,
+    /// What it takes in the device's tables.
+    pub rows: u64,
 }
 
 impl Simulation {
     /// A new session without snow.
-    pub(super) fn new(session: Arc<Session>, slot: Slot, frame: u64, log: Log) -> Simulation {
+    pub(super) fn new(
+        session: Arc<Session>,
+        slot: Slot,
+        frame: u64,
+        log: Log,
+        object_rows: ObjectRows,
+    ) -> Simulation {
         let spec = &session.spec;
         Simulation {
             slot,
@@ -83,6 +97,7 @@ impl Simulation {
             settings: spec.settings(),
             material: spec.material,
             colliders: BTreeMap::new(),
+            object_rows,
             ledger: Ledger::default(),
             falling: Falling::default(),
             settled: spec.initial_snow.is_empty(),
@@ -91,6 +106,7 @@ impl Simulation {
             unpublished: true,
             next: Orders::default(),
             flight: Flight::default(),
+            held: Held::default(),
             portions: Portions::default(),
             step: None,
             log,
@@ -164,9 +180,7 @@ impl Simulation {
     pub(super) fn disturb(&mut self) {
         self.settled = false;
         self.still = false;
-        if let Some(job) = &mut self.step {
-            job.begin_anew();
-        }
+        self.portions.begin_anew();
     }
 
     /// Notes that every tile has to be looked at again.
@@ -193,6 +207,7 @@ impl Simulation {
         self.last_dt = None;
         self.owed = 0;
         self.next.reset = Some(self.next.edits.len());
+        self.object_rows.take(0);
         let removed = std::mem::take(&mut self.colliders).into_keys();
         self.next.edits.extend(removed.map(|id| Edit::RemoveCollider { id }));
         self.next.edits.push(Edit::Clear { columns: spec.grid.all(), depth: 0 });
@@ -225,14 +240,20 @@ impl Simulation {
 
     /// Whether nothing can move in any later tick, so that ticks pass by themselves.
     pub(super) fn is_resting(&self) -> bool {
-        self.still
-            && self.settings.snowfall_rate == 0.0
-            && self.clock.steady_cycle().is_none_or(|dt| Some(dt) == self.last_dt)
+        let cycle = self.clock.steady_cycle();
+        self.settings.snowfall_rate == 0.0
+            && cycle.is_none_or(|dt| self.still && Some(dt) == self.last_dt)
     }
 
     /// Whether its ticks pass by themselves: nothing moves, and its time goes on.
     pub(super) fn passes(&self) -> bool {
         !self.settings.paused && !self.frozen && self.is_resting()
+    }
+
+    /// Whether nobody has wanted it for so long that it hibernates.
+    pub(super) fn is_tired(&self) -> bool {
+        let idle = self.session.idle_for();
+        self.settings.idle_timeout_s.is_some_and(|timeout| idle >= timeout)
     }
 
     /// Whether the session wants to be in the coming frames.
@@ -245,6 +266,7 @@ impl Simulation {
     /// Whether somebody waits for a frame.
     pub(super) fn has_orders(&self) -> bool {
         self.portions.are_under_way()
+            || self.held.count() > 0
             || self.step.is_some()
             || self.owed > 0
             || self.next.are_urgent()
@@ -278,7 +300,11 @@ impl Simulation {
     /// has passed by itself is not lost.
     pub(super) fn until(&mut self, frame: u64) -> u64 {
         self.catch_up(frame);
-        if self.settings.paused { 0 } else { self.clock.tick() }
+        match self.flight.clock_before {
+            _ if self.settings.paused => 0,
+            Some(before) if self.portions.are_under_way() => before.tick(),
+            _ => self.clock.tick(),
+        }
     }
 
     /// Tells everybody who waits for this session why there is no answer.
@@ -286,6 +312,7 @@ impl Simulation {
         self.next.refuse(why);
         self.waiting_reads.refuse(why);
         self.flight.orders.refuse(why);
+        self.held.refuse(why);
         if let Some(job) = self.step {
             refuse(job.answer, why);
         }

@@ -6,8 +6,7 @@ mod description;
 
 use std::sync::Arc;
 
-use crate::engine::frame::{Contents, Edit, Placement, TileCells};
-use crate::snow::Footprint;
+use crate::engine::frame::{Contents, Edit, TileCells};
 
 use super::error::{Invalid, SessionError};
 use super::simulation::{Collider, Simulation};
@@ -44,6 +43,14 @@ impl Snapshot {
     /// [`SessionError::Internal`].
     pub fn digest(&self) -> Result<String, SessionError> {
         Ok(blake3::hash(&self.body()?).to_hex().to_string())
+    }
+
+    /// Makes sure that its mass is that of its ledger, as whoever reads it will.
+    ///
+    /// # Errors
+    /// [`SessionError::Invalid`].
+    pub(super) fn check_mass(&self) -> Result<(), SessionError> {
+        self.description.check_mass(&self.tiles)
     }
 
     /// The snapshot as bytes.
@@ -136,13 +143,17 @@ impl Snapshot {
         &self.description.spec
     }
 
+    /// What its objects take in the device's tables.
+    pub(super) fn object_rows(&self) -> u64 {
+        let grid = &self.description.spec.grid;
+        self.description.colliders.iter().map(|saved| saved.rows(grid)).sum()
+    }
+
     /// What a backend restores.
     pub(super) fn contents(&self) -> Contents {
         let grid = &self.description.spec.grid;
         let colliders = self.description.colliders.iter().filter_map(|saved| {
-            let footprint = Footprint::new(grid, &saved.shape, saved.position)?;
-            let placement = Arc::new(Placement { mass: saved.mass, footprint });
-            Some((Arc::from(saved.id.as_str()), placement, saved.contact))
+            Some((Arc::from(saved.id.as_str()), saved.placement(grid)?, saved.contact))
         });
         Contents { tiles: self.tiles.clone(), colliders: colliders.collect() }
     }
@@ -182,14 +193,14 @@ impl Simulation {
         self.ledger = saved.ledger;
         self.settled = saved.settled;
         self.last_dt = saved.last_cycle;
-        self.colliders = saved
-            .colliders
-            .iter()
-            .map(|saved| {
-                let SavedCollider { mass, shape, position, contact, .. } = *saved;
-                (Arc::from(saved.id.as_str()), Collider { mass, shape, position, contact })
-            })
-            .collect();
+        let grid = &saved.spec.grid;
+        let collider = |saved: &SavedCollider| {
+            let SavedCollider { mass, shape, position, contact, .. } = *saved;
+            let rows = saved.rows(grid);
+            (Arc::from(saved.id.as_str()), Collider { mass, shape, position, contact, rows })
+        };
+        self.colliders = saved.colliders.iter().map(collider).collect();
+        self.object_rows.take(self.colliders.values().map(|collider| collider.rows).sum());
         self.next.edits.push(Edit::SetMaterial(saved.material));
         self.next.edits.push(Edit::Restore(Arc::new(snapshot.contents())));
         self.next.changed = true;

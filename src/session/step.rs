@@ -1,28 +1,20 @@
 //! Stepping a paused session as fast as the machine can, a slice in each frame.
 
-use std::time::Duration;
-
 use super::change::StepSpec;
 use super::clock::Clock;
 use super::error::{Check, SessionError};
 use super::orders::{Answer, Reply};
-use super::portion::FRAME_TIME;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 
 /// Most ticks of one step.
 const MOST_TICKS: u64 = 1_000_000;
 
-/// Cycles of the first slice.
-const FIRST_SLICE: u32 = 8;
-
 /// A step under way.
 #[derive(Debug)]
 pub(super) struct StepJob {
     pub goal: Goal,
     pub answer: Answer<()>,
-    /// Cycles in one frame, about.
-    pub slice: u32,
 }
 
 /// When a step ends.
@@ -69,11 +61,6 @@ impl Goal {
 }
 
 impl StepJob {
-    /// A step that begins.
-    pub fn new(goal: Goal, answer: Answer<()>) -> StepJob {
-        StepJob { goal, answer, slice: FIRST_SLICE }
-    }
-
     /// Ticks it may still take.
     pub fn remaining(&self) -> u64 {
         match self.goal {
@@ -95,20 +82,6 @@ impl StepJob {
             || self.answer.is_closed()
             || (settled && matches!(self.goal, Goal::Settled(_)))
     }
-
-    /// Forgets how long a slice was right: there is more to do in each cycle now.
-    pub fn begin_anew(&mut self) {
-        self.slice = FIRST_SLICE;
-    }
-
-    /// Fits the next slice to the time that a frame with the last one took.
-    pub fn fit(&mut self, frame: Duration) {
-        if frame < FRAME_TIME.0 {
-            self.slice = self.slice.saturating_mul(2);
-        } else if frame > FRAME_TIME.1 {
-            self.slice = (self.slice / 2).max(1);
-        }
-    }
 }
 
 impl Simulation {
@@ -126,7 +99,7 @@ impl Simulation {
             Ok(Goal::Settled(_)) if self.is_settled() => {
                 self.next.replies.push(Reply::Done(answer))
             }
-            Ok(goal) => self.step = Some(StepJob::new(goal, answer)),
+            Ok(goal) => self.step = Some(StepJob { goal, answer }),
         }
     }
 

@@ -2,13 +2,18 @@
 //! them.
 
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use crate::engine::frame::{Run, Work};
 
 use super::clock::Advance;
 use super::orders::{Flight, Orders, Reply};
+use super::portion::{FRAME_TIME, REPLAY_TIME};
 use super::simulation::Simulation;
 use super::step::Goal;
+
+/// Cycles that are taken at once where they change nothing, and none of them is carried out.
+const CYCLES_AT_REST: u32 = 1 << 24;
 
 /// A frame, as it is offered to every session.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +35,9 @@ impl Simulation {
     /// Lets the time up to a frame pass, where nothing happens in it: a pause has no ticks, and in
     /// the ticks of a session at rest nothing moves.
     pub(super) fn catch_up(&mut self, frame: u64) {
+        if self.portions.are_under_way() {
+            return;
+        }
         if self.settings.paused || self.frozen {
             self.frame = frame;
         } else if self.passes() {
@@ -41,12 +49,13 @@ impl Simulation {
     /// What this session does in a frame; `None` for nothing.
     pub(super) fn plan(&mut self, turn: Turn) -> Option<Work> {
         if self.portions.are_under_way() {
+            debug_assert!(self.next.edits.is_empty(), "changes wait for the end of the run");
             self.slip(turn);
             self.flight.publish |= turn.publish && self.replay.is_none();
             return self.portions.go_on(self.flight.publish, turn.samples);
         }
         let clock_before = self.clock;
-        let mut advance = self.take_ticks(turn.frame);
+        let mut advance = self.take_ticks(turn);
         if advance.run.cycles > 0 {
             if self.last_dt != Some(advance.run.dt) {
                 self.wake();
@@ -85,7 +94,7 @@ impl Simulation {
         Some(self.portions.begin(work))
     }
 
-    /// Lets the ticks slip that fall while a run is under way: they don't pile up.
+    /// Lets the ticks slip that fall while those before them are under way: they don't pile up.
     fn slip(&mut self, turn: Turn) {
         if self.step.is_none() && self.replay.is_none() && !self.settings.paused && !self.frozen {
             let ticks = self.clock.ticks_between(self.frame, turn.frame);
@@ -102,23 +111,39 @@ impl Simulation {
         orders.gathers.iter().flat_map(|(tiles, _)| tiles.iter().copied()).chain(0..all).collect()
     }
 
-    /// Takes the ticks that a frame has for this session.
-    fn take_ticks(&mut self, frame: u64) -> Advance {
-        let (due, cycles) = if let Some(replay) = &self.replay {
+    /// Takes the ticks that a frame has for this session: none where a checkpoint is made of it, so
+    /// that the frame doesn't take longer for that.
+    fn take_ticks(&mut self, turn: Turn) -> Advance {
+        let counts = self.step.is_none() && self.replay.is_none();
+        let due = if let Some(replay) = &self.replay {
             replay.due(self.clock.tick())
         } else if let Some(job) = &self.step {
-            (job.remaining(), job.slice)
+            job.remaining()
         } else if self.settings.paused || self.frozen {
-            (0, 0)
+            0
+        } else if self.owed > 0 {
+            self.slip(turn);
+            self.owed
         } else {
-            (self.owed + self.clock.ticks_between(self.frame, frame), u32::MAX)
+            self.clock.ticks_between(self.frame, turn.frame)
         };
-        self.frame = frame;
+        self.frame = turn.frame;
         let snow = self.falling.ticks_until_due(self.clock.tick(), self.snowing());
-        let advance = self.clock.advance(due.min(snow.unwrap_or(u64::MAX)), cycles);
-        let counts = self.step.is_none() && self.replay.is_none();
+        let taken = if self.next.checkpoint { 0 } else { due.min(snow.unwrap_or(u64::MAX)) };
+        let cycles = match counts {
+            _ if turn.sleep && self.is_resting() => CYCLES_AT_REST,
+            true => self.portions.least(),
+            false => self.portions.size(),
+        };
+        let advance = self.clock.advance(taken, cycles);
         self.owed = if counts { due - advance.ticks } else { 0 };
         advance
+    }
+
+    /// Fits what the next frame takes on to the time that the newest one took.
+    pub(super) fn fit_portions(&mut self, took: Duration) {
+        let wanted = if self.replay.is_some() { REPLAY_TIME } else { FRAME_TIME };
+        self.portions.fit(took, wanted);
     }
 
     /// Takes in what a run found: whether the snow has settled, and since when.
@@ -129,13 +154,10 @@ impl Simulation {
             return;
         }
         let settled_after = flight.advance.settled_after(last_change);
-        // What has arrived while the run was under way comes after it.
-        let disturbed = !self.next.edits.is_empty();
-        self.settled = settled_after.is_some() && !disturbed;
-        self.still = self.settled && !self.next.wake;
+        self.settled = settled_after.is_some();
+        self.still = self.settled;
         let mut ticks = flight.advance.ticks;
-        let waits = self.step.as_ref().is_some_and(|job| matches!(job.goal, Goal::Settled(_)))
-            && !self.next.changed;
+        let waits = self.step.as_ref().is_some_and(|job| matches!(job.goal, Goal::Settled(_)));
         if let (true, true, Some(reached), Some(mut clock)) =
             (waits, self.is_settled(), settled_after, flight.clock_before)
         {

@@ -14,7 +14,8 @@ pub struct Visit(Arc<Session>);
 
 impl Visit {
     pub(super) fn begin(session: Arc<Session>) -> Visit {
-        session.visitors.fetch_add(1, Ordering::Relaxed);
+        // Either the world sees this visit before the session hibernates, or the visitor sees that it does.
+        session.visitors.fetch_add(1, Ordering::SeqCst);
         session.touch();
         Visit(session)
     }
@@ -44,7 +45,7 @@ impl Session {
     /// Seconds since anybody was with it: 0 while somebody is.
     pub(super) fn idle_for(&self) -> f64 {
         // Whoever has left has noted when.
-        if self.visitors.load(Ordering::Acquire) > 0 {
+        if self.visitors.load(Ordering::SeqCst) > 0 {
             return 0.0;
         }
         let frames = self.frame().saturating_sub(self.last_used.load(Ordering::Relaxed));

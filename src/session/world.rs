@@ -158,6 +158,7 @@ impl World {
             hibernating: HashMap::new(),
             leaving: HashMap::new(),
             slots: Slots::default(),
+            object_rows: Arc::default(),
             journal,
             comebacks,
             reviving: false,

@@ -36,6 +36,8 @@ struct State {
     synced: Vec<u8>,
     unsynced: Vec<Operation>,
     failing: Option<Failing>,
+    /// How long it takes to sync.
+    delay: Duration,
 }
 
 #[derive(Debug)]
@@ -78,6 +80,11 @@ impl Disk {
     /// Makes it fail from now on, or no longer.
     pub fn fail(&self, failing: Option<Failing>) {
         self.state().failing = failing;
+    }
+
+    /// Makes it take some time for every sync from now on.
+    pub fn slow_down(&self, delay: Duration) {
+        self.state().delay = delay;
     }
 
     /// What is on it after a power cut: all that was synced, and of the rest any sectors.
@@ -134,6 +141,8 @@ impl StorageBackend for Disk {
     }
 
     fn sync_data(&self) -> io::Result<()> {
+        let delay = self.state().delay;
+        std::thread::sleep(delay);
         let mut state = self.state();
         if state.failing.is_some() {
             return Err(io::Error::other("the disk does not answer"));

@@ -88,7 +88,10 @@ async fn load(
             let id = format!("s{seed}-{count}");
             knowledge.sessions.insert(id.clone(), Known::default());
             let grid = json!({"width": 12, "depth": 9, "height": 12, "cell_size": 0.2});
-            let body = json!({"id": id, "grid": grid, "paused": dice.random_bool(0.5)});
+            // Some have ticks of so many cycles that they are parted.
+            let time_scale = [1, 1, 1000][dice.random_range(0..3)];
+            let body = json!({"id": id, "grid": grid, "paused": dice.random_bool(0.5),
+                "tick_rate": 30, "time_scale": time_scale});
             knowledge.sessions.get_mut(&id).unwrap().asked =
                 Some((Method::PUT, "create".to_owned(), Value::Null));
             let Some((status, answer)) =

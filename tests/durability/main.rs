@@ -18,5 +18,6 @@ mod restart;
 mod resume;
 mod script;
 mod secrets;
+mod slow;
 #[path = "../support/mod.rs"]
 mod support;

@@ -14,6 +14,7 @@ on_each_backend!(
     a_session_that_came_back_equals_its_twin,
     a_live_session_comes_back_to_a_state_of_its_own_past,
     a_clean_stop_loses_nothing_at_all,
+    changes_beside_long_ticks_come_back_where_they_were,
 );
 
 fn name(backend: BackendChoice) -> &'static str {
@@ -128,4 +129,48 @@ async fn a_clean_stop_loses_nothing_at_all(backend: BackendChoice) {
     assert_eq!(after, before);
     assert!(server.get("/v1/sessions/live").await["tick"].as_u64().unwrap() >= tick);
     server.kill().await;
+}
+
+/// Changes arrive before, in and after ticks of thousands of cycles, with checkpoints in between.
+async fn changes_beside_long_ticks_come_back_where_they_were(backend: BackendChoice) {
+    let data = tempfile::tempdir().unwrap();
+    for interval in ["1h", "20ms"] {
+        let options = ["--backend", name(backend), "--checkpoint-interval", interval];
+        let mut server = Process::ready(data.path(), &options).await;
+        let id = &format!("long-{interval}");
+        let long = json!({"id": id, "paused": true, "tick_rate": 1, "time_scale": 500,
+            "grid": {"width": 24, "depth": 24, "height": 20, "cell_size": 0.2},
+            "initial_snow": [{"depth": 2.0}]});
+        server.post("/v1/sessions", long).await;
+        let path = format!("/v1/sessions/{id}");
+        let sledge = json!({"mass": 200, "position": {"x": 2.4, "z": 2.4},
+            "shape": {"type": "box", "width": 2.0, "depth": 2.0}});
+        server.send(Method::PUT, &format!("{path}/colliders/sledge"), Some(&sledge)).await;
+        for round in 0..4 {
+            let (snowfalls, step) = (format!("{path}/snowfalls"), format!("{path}/step"));
+            let crate_at = format!("{path}/colliders/crate-{round}");
+            let crate_ = json!({"mass": 50, "position": {"x": 1.0, "z": 1.0 + 0.5 * f64::from(round)},
+                "shape": {"type": "disk", "radius": 0.3}});
+            let (fall, ticks) = (json!({"depth": 0.15}), json!({"ticks": 2}));
+            let later = async |milliseconds, method, path: &str, body: &Value| {
+                tokio::time::sleep(Duration::from_millis(milliseconds)).await;
+                server.send(method, path, Some(body)).await.expect("it answers").0
+            };
+            let answers = tokio::join!(
+                later(0, Method::POST, &snowfalls, &fall),
+                later(0, Method::POST, &step, &ticks),
+                later(4, Method::POST, &snowfalls, &fall),
+                later(6, Method::PUT, &crate_at, &crate_),
+                later(8, Method::POST, &snowfalls, &fall),
+            );
+            assert_eq!(answers, (200, 200, 200, 201, 200));
+            let before = digest(&server, id).await;
+            server.kill().await;
+            server = Process::ready(data.path(), &options).await;
+            assert_eq!(digest(&server, id).await, before, "round {round}, {interval}");
+            let mass = server.get(&format!("{path}/mass")).await;
+            assert_eq!(mass["imbalance_quanta"], 0, "round {round}, {interval}");
+        }
+        server.kill().await;
+    }
 }

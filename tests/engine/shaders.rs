@@ -2,7 +2,7 @@
 
 use std::mem::offset_of;
 
-use firn::engine::gpu::kernels::{Access, KERNELS, Kernel, Resource};
+use firn::engine::gpu::kernels::{Access, KERNELS, Kernel, LARGEST_WORKGROUP, Resource};
 use firn::engine::gpu::layout;
 use naga::{AddressSpace, StorageAccess, TypeInner};
 
@@ -145,15 +145,29 @@ fn host_and_shaders_agree_on_every_struct() {
     compare_layout!(module, Pass { first, count, cycle, cycles, page, flags, length });
 }
 
+/// The value of a constant of a shader.
+fn constant(module: &naga::Module, name: &str) -> f64 {
+    let found = module.constants.iter().find(|(_, known)| known.name.as_deref() == Some(name));
+    let (_, constant) = found.unwrap_or_else(|| panic!("no constant {name}"));
+    match module.global_expressions[constant.init] {
+        naga::Expression::Literal(naga::Literal::U32(value)) => f64::from(value),
+        naga::Expression::Literal(naga::Literal::F32(value)) => f64::from(value),
+        ref other => panic!("{name} is {other:?}"),
+    }
+}
+
 #[test]
 fn shared_constants_are_the_same() {
-    let source = KERNELS[0].wgsl();
+    let module = parse(&KERNELS[0]);
     for (name, value) in [
         ("TILE_COLUMNS", firn::snow::TILE_COLUMNS),
         ("TILE_SIDE", firn::snow::TILE_SIDE),
+        ("CELL", firn::snow::CELL),
         ("CONTACT_DEPTH", firn::snow::CONTACT_DEPTH),
+        ("NONE", layout::NO_SESSION),
         ("AWAKE", layout::AWAKE),
         ("DIRTY", layout::DIRTY),
+        ("LOADED", layout::LOADED),
         ("WAKE", layout::WAKE),
         ("PUBLISH", layout::PUBLISH),
         ("EDITED", layout::EDITED),
@@ -163,8 +177,17 @@ fn shared_constants_are_the_same() {
         ("UNDER_OBJECTS", layout::UNDER_OBJECTS),
         ("DEPOSIT", layout::DEPOSIT),
     ] {
-        let line = format!("const {name}: u32 = {value}u;");
-        assert!(source.contains(&line), "no line '{line}'");
+        assert_eq!(constant(&module, name), f64::from(value), "{name}");
     }
-    assert!(source.contains("const CELL: u32 = 1u << 24u;") && firn::snow::CELL == 1 << 24);
+    assert_eq!(constant(&module, "GRAVITY"), f64::from(firn::snow::GRAVITY as f32));
+    assert_eq!(constant(&module, "MASS_QUANTUM"), 1.0 / firn::snow::MASS_QUANTA);
+}
+
+#[test]
+fn no_workgroup_has_more_threads_than_an_adapter_is_asked_for() {
+    let threads = |kernel| {
+        let entries = parse(kernel).entry_points;
+        entries.iter().map(|entry| entry.workgroup_size.iter().product()).max()
+    };
+    assert_eq!(KERNELS.iter().filter_map(threads).max(), Some(LARGEST_WORKGROUP));
 }

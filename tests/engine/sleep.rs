@@ -70,3 +70,27 @@ fn cycles_give_the_same_bits_in_one_dispatch_and_in_many() {
     }
     assert!(states[0] == states[1]);
 }
+
+#[test]
+fn cycles_under_an_object_give_the_same_bits_in_one_frame_and_in_many() {
+    // Few tiles are listed by the host, many by the device.
+    for side in [20, 200] {
+        let grid = Grid { width: side, depth: side, height: 12, cell_size: 0.2 };
+        let mut states = Vec::new();
+        for (one_by_one, portions) in [(false, 1), (true, 1), (false, 40)] {
+            let Some(mut gpu) = gpu(false) else { return };
+            gpu.run_one_by_one(one_by_one);
+            gpu.create(0, &level(grid, Material::default())).unwrap();
+            let shape = Shape::Disk { radius: 0.7 };
+            let object = put(&grid, "a", 150.0, shape, 1.9, 1.7);
+            edit(&mut gpu, 0, vec![snow(&grid, grid.all(), 2.0, 20.0, -3.0), object]);
+            for _ in 0..portions {
+                run(&mut gpu, 0, 40 / portions, 0.125);
+            }
+            let outcome = work(&mut gpu, Work { slot: 0, publish: true, ..Work::default() });
+            states.push((cells(&mut gpu, 0, &grid), outcome.contacts));
+        }
+        assert!(states[0] == states[1], "{side}: cycles of their own");
+        assert!(states[0] == states[2], "{side}: frames of their own");
+    }
+}

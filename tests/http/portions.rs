@@ -18,6 +18,7 @@ on_each_backend!(
     others_are_served_in_the_middle_of_a_long_tick,
     a_long_tick_is_the_same_as_in_one_piece,
     what_arrives_in_the_middle_of_a_long_tick_does_not_fall_into_it,
+    what_is_read_beside_changes_and_long_ticks_is_of_one_moment,
 );
 
 /// Cycles of a tick of 1000 s: a quarter of a second is the longest.
@@ -147,5 +148,47 @@ async fn what_arrives_in_the_middle_of_a_long_tick_does_not_fall_into_it(backend
     let digests = [digest(&before).await, digest(&after).await];
     assert_ne!(digests[0], digests[1]);
     assert!(digests.contains(&digest(&during).await), "the snow fell into the tick");
+    server.stop().await;
+}
+
+/// Ticks are under way nearly all the time; changes and reads fall into them.
+async fn what_is_read_beside_changes_and_long_ticks_is_of_one_moment(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let live = json!({
+        "grid": {"width": 48, "depth": 48, "height": 20, "cell_size": 0.2},
+        "time_scale": 1000, "initial_snow": [{"depth": 2.0}],
+    });
+    let path = server.create(live).await;
+    server.post(&format!("{path}/colliders"), sledge(9.6)).await.expect(201);
+    for round in 0..30 {
+        let (snowfalls, mass) = (format!("{path}/snowfalls"), format!("{path}/mass"));
+        let (snapshot, colliders) = (format!("{path}/snapshot"), format!("{path}/colliders"));
+        // It comes before the sledge in the order of the list, and goes again.
+        let ahead = format!("{colliders}/ahead");
+        let light = json!({"mass": 1, "position": {"x": 0.6, "z": 0.6},
+            "shape": {"type": "disk", "radius": 0.3}});
+        let (fall, removed) = (json!({"depth": 0.02}), round % 2 == 1);
+        let (balance, fallen, saved, object, listed) = tokio::join!(
+            server.get(&mass),
+            server.post(&snowfalls, fall),
+            server.get(&snapshot),
+            async {
+                if removed { server.delete(&ahead).await } else { server.put(&ahead, light).await }
+            },
+            server.get(&colliders),
+        );
+        assert_eq!(balance.expect(200)["imbalance_quanta"], 0, "round {round}");
+        fallen.expect(200);
+        assert_eq!(object.status, if removed { 204 } else { 201 });
+        let media_type = "application/vnd.firn.snapshot";
+        let again = server.post_bytes("/v1/sessions", media_type, saved.body).await.expect(201);
+        let again = format!("/v1/sessions/{}", again["id"].as_str().unwrap());
+        assert_eq!(server.delete(&again).await.status, 204);
+        for object in listed.expect(200)["items"].as_array().unwrap() {
+            // The light one stands on a few columns, the sledge on a quarter of all.
+            let area = object["contact_area"].as_f64().unwrap();
+            assert_eq!(object["id"] == "sledge", area > 1.0, "round {round}: {object}");
+        }
+    }
     server.stop().await;
 }

@@ -17,6 +17,9 @@ use super::tables::PACKED_BYTES;
 /// Tiles the tables begin with.
 const FIRST_TILES: u32 = 1 << 10;
 
+/// Tiles that `publish` looks through together: the tables end with a whole group of them.
+const GROUP: u64 = 64;
+
 /// A snowpack's part of the arena.
 #[derive(Debug)]
 pub struct Lot {
@@ -137,9 +140,9 @@ impl Arena {
         }
         let old = self.tiles.capacity();
         // All tiles may be published in one frame, in a buffer with everything else that it leaves.
-        let most = device.largest_binding() / PACKED_BYTES / 2;
+        let most = device.largest_binding() / PACKED_BYTES / 2 / GROUP * GROUP;
         let wanted = u64::from(old).saturating_mul(2).max(u64::from(old) + u64::from(count));
-        let capacity = wanted.min(most);
+        let capacity = wanted.next_multiple_of(GROUP).min(most);
         if capacity < u64::from(old) + u64::from(count) {
             return Err(EngineError::OutOfMemory(format!(
                 "{count} tiles more than the {old} there are would exceed the device's tables of \

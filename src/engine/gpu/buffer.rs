@@ -3,6 +3,9 @@
 /// Bytes of mail that travel together.
 const MAIL_BYTES: u64 = 1 << 18;
 
+/// Bytes of mail for which memory is kept. What is larger is rare, and travels by itself.
+const LARGEST_MAIL: usize = 1 << 22;
+
 /// Smallest buffer that is made, so that none is empty.
 const SMALLEST: u64 = 256;
 
@@ -120,8 +123,18 @@ impl Mail {
         }
     }
 
-    /// Encodes everything that was added, between the commands before and after.
-    pub fn send(&mut self, encoder: &mut wgpu::CommandEncoder) {
+    /// Encodes everything that was added. The commands before in `encoder` may see it already.
+    pub fn send(&mut self, queue: &wgpu::Queue, encoder: &mut wgpu::CommandEncoder) {
+        if self.bytes.len() > LARGEST_MAIL {
+            let mut rest = &self.bytes[..];
+            for (target, offset, bytes) in self.parts.drain(..) {
+                let (part, after) = rest.split_at(bytes as usize);
+                queue.write_buffer(&target, offset, part);
+                rest = after;
+            }
+            self.bytes = Vec::new();
+            return;
+        }
         let Some(size) = wgpu::BufferSize::new(self.bytes.len() as u64) else { return };
         let slice = self.belt.allocate(size, wgpu::BufferSize::MIN);
         let mut from = slice.offset();

@@ -6,7 +6,7 @@ use tracing::warn;
 
 use crate::engine::frame::{DeviceInfo, EngineError};
 
-use super::kernels::{KERNELS, PASS_BYTES};
+use super::kernels::{KERNELS, LARGEST_WORKGROUP, PASS_BYTES};
 use super::stopwatch::STOPWATCH_FEATURES;
 
 /// A device, its queue, and the first thing that went wrong with it.
@@ -53,22 +53,8 @@ impl Device {
     }
 
     fn from_adapter(adapter: &wgpu::Adapter) -> Result<Device, String> {
-        let limits = adapter.limits();
-        let needed = most_storage_buffers();
-        if limits.max_storage_buffers_per_shader_stage < needed {
-            return Err(format!(
-                "it binds {} storage buffers at a time; {needed} are needed",
-                limits.max_storage_buffers_per_shader_stage
-            ));
-        }
-        let features = adapter.features();
-        if !features.contains(wgpu::Features::IMMEDIATES) || limits.max_immediate_size < PASS_BYTES
-        {
-            return Err(format!(
-                "it takes {} bytes of immediates; {PASS_BYTES} are needed",
-                limits.max_immediate_size
-            ));
-        }
+        let (limits, features) = (adapter.limits(), adapter.features());
+        suffices(&limits, features)?;
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("firn"),
             required_limits: limits,
@@ -176,7 +162,56 @@ fn rank(device_type: wgpu::DeviceType) -> u32 {
     }
 }
 
+/// Whether the kernels run within some limits, and why not.
+fn suffices(limits: &wgpu::Limits, features: wgpu::Features) -> Result<(), String> {
+    let immediates = match features.contains(wgpu::Features::IMMEDIATES) {
+        true => limits.max_immediate_size,
+        false => 0,
+    };
+    let threads =
+        limits.max_compute_invocations_per_workgroup.min(limits.max_compute_workgroup_size_x);
+    for (what, most, needed) in [
+        (
+            "storage buffers bound at a time",
+            limits.max_storage_buffers_per_shader_stage,
+            most_storage_buffers(),
+        ),
+        ("bytes of immediates", immediates, PASS_BYTES),
+        ("threads in a workgroup", threads, LARGEST_WORKGROUP),
+    ] {
+        if most < needed {
+            return Err(format!("it takes {most} {what}; {needed} are needed"));
+        }
+    }
+    Ok(())
+}
+
 /// Most storage buffers that a kernel binds.
 fn most_storage_buffers() -> u32 {
     KERNELS.iter().map(|kernel| kernel.bindings.len() as u32).max().unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_adapter_that_can_not_run_the_kernels_is_passed_over_with_a_reason() {
+        let enough = wgpu::Limits {
+            max_storage_buffers_per_shader_stage: most_storage_buffers(),
+            max_immediate_size: PASS_BYTES,
+            max_compute_invocations_per_workgroup: LARGEST_WORKGROUP,
+            max_compute_workgroup_size_x: LARGEST_WORKGROUP,
+            ..wgpu::Limits::default()
+        };
+        assert_eq!(suffices(&enough, wgpu::Features::IMMEDIATES), Ok(()));
+        let reason = |limits: wgpu::Limits, features| suffices(&limits, features).unwrap_err();
+        let immediates = reason(enough.clone(), wgpu::Features::empty());
+        assert!(immediates.contains("0 bytes of immediates"), "{immediates}");
+        let small = wgpu::Limits { max_compute_workgroup_size_x: 128, ..enough.clone() };
+        let threads = reason(small, wgpu::Features::IMMEDIATES);
+        assert!(threads.contains("128 threads") && threads.contains("256"), "{threads}");
+        let few = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..enough };
+        assert!(reason(few, wgpu::Features::IMMEDIATES).contains("4 storage buffers"));
+    }
 }

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::engine::frame::{Frame, Slot};
+use crate::engine::frame::{EngineError, Frame, Slot};
 
 use super::GpuBackend;
 use super::due::Due;
@@ -16,9 +16,12 @@ use super::survey::Survey;
 
 impl GpuBackend {
     /// Carries a frame out and begins to read back what came of it.
-    pub(super) fn carry_out(&mut self, mut frame: Frame) {
-        let survey = Survey::new(&mut frame, &self.residents);
-        let Survey { mut rounds, parts, totals } = survey;
+    ///
+    /// # Errors
+    /// [`EngineError::DeviceFailed`] where there is work for a snowpack that is not there.
+    pub(super) fn carry_out(&mut self, mut frame: Frame) -> Result<(), EngineError> {
+        let survey = Survey::new(&mut frame, &self.residents)?;
+        let Survey { mut rounds, parts, totals, .. } = survey;
         let last = rounds.pop().unwrap_or_default();
 
         self.tables.fit_to(&self.device, &self.arena);
@@ -60,6 +63,7 @@ impl GpuBackend {
         // The device is at work: what only its results need is found out meanwhile.
         let reports = Reports::new(&frame.work, parts, &self.residents);
         self.readback.begin(submission, reports);
+        Ok(())
     }
 
     fn planner<'a>(

@@ -75,6 +75,9 @@ pub enum Access {
 /// Bytes of what every dispatch is told as an immediate: its [`Pass`].
 pub const PASS_BYTES: u32 = std::mem::size_of::<Pass>() as u32;
 
+/// Threads of the largest workgroup.
+pub const LARGEST_WORKGROUP: u32 = 256;
+
 /// One compute kernel.
 #[derive(Debug)]
 pub struct Kernel {

@@ -101,7 +101,8 @@ impl GpuBackend {
     }
 
     /// The kernels of the newest frame in their order, each with the time that it took on the
-    /// device, those of its dispatches that followed each other together, where times are taken. The frame's outcome has to be polled before.
+    /// device, those of its dispatches that followed each other together, where times are taken. The
+    /// frame's outcome has to be polled before.
     ///
     /// # Errors
     /// [`EngineError::DeviceFailed`].
@@ -144,7 +145,7 @@ impl Backend for GpuBackend {
         while !self.readback.is_idle() {
             self.fetch(Duration::from_millis(100))?;
         }
-        self.carry_out(frame);
+        self.carry_out(frame)?;
         self.device.check()
     }
 

@@ -181,7 +181,7 @@ impl Readback {
             let mut encoder = device.device.create_command_encoder(&Default::default());
             let mut offset = 0;
             for (place, _) in portion {
-                let Some(page) = arena.pages.get(place.page) else { continue };
+                let page = arena.pages.get(place.page).ok_or_else(unreadable)?;
                 let first = u64::from(place.row) * u64::from(TILE_COLUMNS) * 4;
                 for cells in &page.cells {
                     let target = self.table.buffer();

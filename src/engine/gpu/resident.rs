@@ -123,23 +123,57 @@ impl Resident {
     }
 }
 
+/// Rows of the table of lists that a round may fill, whoever its edits are of: it is to be bound.
+pub const LARGEST_ROUND: u64 = 1 << 22;
+
 /// Splits numbered edits into rounds: in a round all snow falls before any object is put, so that
 /// each can be one dispatch for all snowpacks. Later puts of an object in a round replace earlier
-/// ones. A restore begins a round: the host writes it ahead of the round's submit.
-pub fn rounds(edits: Vec<(u32, Edit)>) -> Vec<Vec<(u32, Edit)>> {
-    let mut rounds: Vec<Vec<(u32, Edit)>> = Vec::new();
+/// ones. A restore begins a round: the host writes it ahead of the round's submit. Each comes with the
+/// rows of the table of lists that it fills at the most.
+pub fn rounds(edits: Vec<(u32, Edit)>) -> Vec<(Vec<(u32, Edit)>, u64)> {
+    let mut rounds: Vec<(Vec<(u32, Edit)>, u64)> = Vec::new();
     let mut put = false;
     for (number, edit) in edits {
-        let snow = matches!(edit, Edit::Deposit(_) | Edit::Clear { .. });
+        let columns = match &edit {
+            Edit::Deposit(deposit) => Some(deposit.columns),
+            Edit::Clear { columns, .. } => Some(*columns),
+            _ => None,
+        };
+        let rows = columns.map_or(0, |columns| columns.tiles().columns());
         let restore = matches!(edit, Edit::Restore(_));
-        if (snow && put) || (restore && !rounds.is_empty()) {
-            rounds.push(Vec::new());
+        let begins = rounds.last().is_none_or(|(_, filled)| {
+            (columns.is_some() && put) || restore || filled + rows > LARGEST_ROUND
+        });
+        put = columns.is_none();
+        if begins {
+            rounds.push((Vec::new(), 0));
         }
-        put = !snow;
-        match rounds.last_mut() {
-            Some(round) => round.push((number, edit)),
-            None => rounds.push(vec![(number, edit)]),
+        if let Some((round, filled)) = rounds.last_mut() {
+            round.push((number, edit));
+            *filled += rows;
         }
     }
     rounds
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::frame::Deposit;
+    use crate::snow::ColumnRect;
+
+    #[test]
+    fn a_round_fills_no_more_rows_than_can_be_bound() {
+        let columns = ColumnRect { x0: 0, z0: 0, x1: 2048, z1: 2048 };
+        let tiles = 256 * 256;
+        let fall = Edit::Deposit(Deposit { columns, depth: 1, mass: 1, temperature: -3.0 });
+        let falls = LARGEST_ROUND / tiles * 2 + 1;
+        let rounds = rounds((0..falls as u32).map(|number| (number, fall.clone())).collect());
+        let sizes: Vec<_> =
+            rounds.iter().map(|(round, rows)| (round.len() as u64, *rows)).collect();
+        let full = (falls / 2, LARGEST_ROUND);
+        assert_eq!(sizes, [full, full, (1, tiles)]);
+        let numbers = rounds.iter().flat_map(|(round, _)| round.iter().map(|(number, _)| *number));
+        assert!(numbers.eq(0..falls as u32), "they stay in order");
+    }
 }

@@ -57,7 +57,9 @@ impl<const N: usize> Sections<N> {
         }
         let most = device.largest_binding() / ALIGNMENT * ALIGNMENT;
         for (room, size) in self.room.iter_mut().zip(sizes) {
-            *room = (*room).max(size.next_power_of_two().min(most)).max(ALIGNMENT);
+            // A section that can't be bound fails the device, which is told, instead of being cut.
+            let ample = size.next_power_of_two().min(most).max(size.next_multiple_of(ALIGNMENT));
+            *room = (*room).max(ample).max(ALIGNMENT);
         }
         if !self.table.reserve(&device.device, self.size()) {
             self.table.replace(&device.device);

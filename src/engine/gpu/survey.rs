@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use crate::engine::frame::{Edit, Frame, SampleBox, Slot, Work};
+use crate::engine::frame::{Edit, EngineError, Frame, SampleBox, Slot, Work};
 use crate::parallel;
 
 use super::plan::Round;
-use super::resident::{self, Residents};
+use super::resident::{self, LARGEST_ROUND, Residents};
 
 /// What the work of a frame amounts to.
 ///
@@ -15,6 +15,8 @@ use super::resident::{self, Residents};
 pub struct Survey {
     /// The edits, round by round, each with its number in the frame.
     pub rounds: Vec<Vec<(Slot, Round)>>,
+    /// Rows that each of them takes, about.
+    rows: Vec<u64>,
     /// What each work is about.
     pub parts: Vec<Part>,
     /// How much there is in all.
@@ -58,22 +60,26 @@ pub struct Totals {
 }
 
 impl Survey {
-    /// Looks through the work of a frame, and takes the edits out of it. Work for snowpacks that
-    /// are not there is left out.
-    pub fn new(frame: &mut Frame, residents: &Residents) -> Survey {
+    /// Looks through the work of a frame, and takes the edits out of it.
+    ///
+    /// # Errors
+    /// [`EngineError::DeviceFailed`] where there is work for a snowpack that is not there.
+    pub fn new(frame: &mut Frame, residents: &Residents) -> Result<Survey, EngineError> {
         let look = |work: &Work| {
             let resident = residents.get(work.slot)?;
             Some((resident.lot.tiles.clone(), !resident.bodies.is_empty()))
         };
-        let mut found = parallel::each(frame.work.iter().collect(), look).into_iter();
+        let found = parallel::each(frame.work.iter().collect(), look);
         let mut survey =
             Survey { parts: Vec::with_capacity(frame.work.len()), ..Survey::default() };
-        frame.work.retain_mut(|work| {
-            let Some((tiles, loaded)) = found.next().flatten() else { return false };
+        for (work, found) in frame.work.iter_mut().zip(found) {
+            let (tiles, loaded) = found.ok_or_else(|| {
+                let what = format!("a frame has work for slot {}, which is empty", work.slot);
+                EngineError::DeviceFailed(what)
+            })?;
             survey.take(work, tiles, loaded);
-            true
-        });
-        survey
+        }
+        Ok(survey)
     }
 
     fn take(&mut self, work: &mut Work, tiles: Range<u32>, loaded: bool) {
@@ -107,11 +113,18 @@ impl Survey {
     /// Takes the edits of one snowpack, the first of which has a number.
     fn take_edits(&mut self, work: &mut Work, number: u32) {
         let edits: Vec<(u32, Edit)> = (number..).zip(std::mem::take(&mut work.edits)).collect();
-        for (i, round) in resident::rounds(edits).into_iter().enumerate() {
-            if self.rounds.len() <= i {
-                self.rounds.push(Vec::new());
+        let mut next = 0;
+        for (round, rows) in resident::rounds(edits) {
+            while self.rows.get(next).is_some_and(|taken| taken + rows > LARGEST_ROUND) {
+                next += 1;
             }
-            self.rounds[i].push((work.slot, round));
+            if self.rounds.len() <= next {
+                self.rounds.push(Vec::new());
+                self.rows.push(0);
+            }
+            self.rounds[next].push((work.slot, round));
+            self.rows[next] += rows;
+            next += 1;
         }
     }
 }

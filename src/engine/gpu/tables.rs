@@ -152,7 +152,7 @@ impl Tables {
         if grew {
             self.bindings.clear();
         }
-        mail.send(encoder);
+        mail.send(&device.queue, encoder);
     }
 
     /// Makes sure that a kernel's bindings for a page are there.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::engine::frame::{Edit, Placement};
 use crate::session::change::{Change, ColliderBatch, ColliderPatch, ColliderSpec};
 use crate::session::error::{Check, SessionError};
+use crate::session::object_rows::words;
 use crate::session::orders::ReplyKind;
 use crate::session::simulation::{Collider, Simulation};
 use crate::snow::{Contact, Footprint, Grid, Shape};
@@ -17,16 +18,18 @@ impl Simulation {
     pub(super) fn put_collider(
         &mut self,
         spec: &ColliderSpec,
-        most: usize,
+        most: Option<usize>,
     ) -> Result<ReplyKind, SessionError> {
         let mut check = Check::default();
         let id: Arc<str> = Arc::from(spec.id.as_deref().unwrap_or_default());
         let created = !self.colliders.contains_key(&id);
-        if created && self.colliders.len() >= most {
+        if let Some(most) = most.filter(|most| created && self.colliders.len() >= *most) {
             check.reject("", format!("a session may have at most {most} colliders"));
         }
         let edit = self.check_collider(&mut check, "", &id, spec);
         check.finish()?;
+        let rows = edit.iter().map(|(_, collider, _)| collider.rows).sum();
+        self.take_rows(self.rows_of([&*id]), rows, most)?;
         self.place(edit);
         Ok(ReplyKind::Collider { id, created })
     }
@@ -35,7 +38,7 @@ impl Simulation {
         &mut self,
         id: &str,
         patch: &ColliderPatch,
-        most: usize,
+        most: Option<usize>,
     ) -> Result<ReplyKind, SessionError> {
         let old = self.known_collider(id)?;
         let spec = ColliderSpec {
@@ -50,7 +53,7 @@ impl Simulation {
     pub(super) fn apply_batch(
         &mut self,
         batch: &ColliderBatch,
-        most: usize,
+        most: Option<usize>,
     ) -> Result<ReplyKind, SessionError> {
         let mut check = Check::default();
         if batch.put.len() + batch.delete.len() > LARGEST_BATCH {
@@ -62,7 +65,7 @@ impl Simulation {
                 check.reject(format!("/delete/{i}"), format!("there is no collider '{id}'"));
             }
         }
-        let mut named = BTreeSet::new();
+        let mut named: BTreeSet<&str> = BTreeSet::new();
         let mut placed = Vec::with_capacity(batch.put.len());
         for (i, spec) in batch.put.iter().enumerate() {
             let Some(id) = &spec.id else {
@@ -76,10 +79,14 @@ impl Simulation {
             let at = format!("/put/{i}");
             placed.push(self.check_collider(&mut check, &at, &Arc::from(id.as_str()), spec));
         }
-        if ids.len() > most {
+        if let Some(most) = most.filter(|most| ids.len() > *most) {
             check.reject("/put", format!("a session may have at most {most} colliders"));
         }
         check.finish()?;
+        let put = batch.put.iter().filter_map(|spec| spec.id.as_deref());
+        let left = batch.delete.iter().map(String::as_str).filter(|id| !named.contains(*id));
+        let rows = placed.iter().flatten().map(|(_, collider, _)| collider.rows).sum();
+        self.take_rows(self.rows_of(put.chain(left)), rows, most)?;
         for id in &batch.delete {
             self.remove_collider(id);
         }
@@ -95,13 +102,16 @@ impl Simulation {
         id: &Arc<str>,
         spec: &ColliderSpec,
     ) -> Option<(Arc<str>, Collider, Edit)> {
-        let collider = Collider {
+        let mut collider = Collider {
             mass: spec.mass,
             shape: spec.shape,
             position: spec.position,
             contact: Contact::default(),
+            rows: 0,
         };
-        let placement = collider.check(check, at, id, &self.session.spec.grid)?;
+        let grid = &self.session.spec.grid;
+        let placement = collider.check(check, at, id, grid)?;
+        collider.rows = words(&placement, grid);
         // A change of mass alone doesn't move an object: the depth it has sunk goes on counting.
         let placed = self
             .colliders
@@ -109,6 +119,29 @@ impl Simulation {
             .is_none_or(|old| old.shape != collider.shape || old.position != collider.position);
         let edit = Edit::PutCollider { id: id.clone(), collider: placement, placed };
         Some((id.clone(), collider, edit))
+    }
+
+    /// What some of the objects take in the device's tables.
+    pub(super) fn rows_of<'i>(&self, ids: impl IntoIterator<Item = &'i str>) -> u64 {
+        ids.into_iter().filter_map(|id| self.colliders.get(id)).map(|collider| collider.rows).sum()
+    }
+
+    /// Takes rows in the device's tables for objects, in place of others. What was allowed before is
+    /// not refused.
+    pub(super) fn take_rows(
+        &mut self,
+        others: u64,
+        rows: u64,
+        most: Option<usize>,
+    ) -> Result<(), SessionError> {
+        let all = self.object_rows.taken() - others + rows;
+        match most {
+            Some(_) => self.object_rows.try_take(all),
+            None => {
+                self.object_rows.take(all);
+                Ok(())
+            }
+        }
     }
 
     fn place(&mut self, checked: Option<(Arc<str>, Collider, Edit)>) {

@@ -1,5 +1,6 @@
 //! The world's end of the journal, and what it shares with the threads behind it.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -64,6 +65,8 @@ pub(crate) struct Journal {
     threads: Vec<JoinHandle<()>>,
     /// What this frame has left.
     frame: Vec<Submission>,
+    /// Snapshots that it has left.
+    snapshots: Vec<Job>,
     heartbeat: Option<Heartbeat>,
     /// Whether what is committed outlives the process.
     pub durable: bool,
@@ -112,6 +115,7 @@ impl Journal {
             shared,
             threads,
             frame: Vec::new(),
+            snapshots: Vec::new(),
             heartbeat: None,
             durable,
         })
@@ -127,33 +131,37 @@ impl Journal {
         self.heartbeat = Some(Heartbeat { frame });
     }
 
-    /// Hands over what this frame has left, to be committed together.
+    /// Hands over what this frame has left, to be committed together. Snapshots follow the entries
+    /// that they hold.
     pub fn send(&mut self) {
-        if self.frame.is_empty() && self.heartbeat.is_none() {
-            return;
+        if !self.frame.is_empty() || self.heartbeat.is_some() {
+            let frame = std::mem::take(&mut self.frame);
+            self.shared.backlog.fetch_add(frame.len(), Ordering::Relaxed);
+            let task = Task::Commit(frame, self.heartbeat.take());
+            if let Some(tasks) = &self.tasks
+                && let Err(mpsc::SendError(Task::Commit(frame, _))) = tasks.send(task)
+            {
+                refuse_all(frame, &stopped());
+            }
         }
-        let frame = std::mem::take(&mut self.frame);
-        self.shared.backlog.fetch_add(frame.len(), Ordering::Relaxed);
-        let task = Task::Commit(frame, self.heartbeat.take());
-        if let Some(tasks) = &self.tasks
-            && let Err(mpsc::SendError(Task::Commit(frame, _))) = tasks.send(task)
-        {
-            refuse_all(frame, &stopped());
+        for job in self.snapshots.drain(..) {
+            if let Some(jobs) = &self.jobs {
+                // The thread ends after this.
+                let _ = jobs.send(job);
+            }
         }
     }
 
     /// Gives up what this frame has left.
     pub fn abandon(&mut self, why: &SessionError) {
         refuse_all(std::mem::take(&mut self.frame), why);
+        self.snapshots.clear();
         self.heartbeat = None;
     }
 
-    /// Hands over a snapshot, to be made a checkpoint that holds all entries below `base`.
-    pub fn checkpoint(&self, key: u64, generation: u64, base: u64, taken: Box<Taken>) {
-        if let Some(jobs) = &self.jobs {
-            // The thread ends after this.
-            let _ = jobs.send(Job { key, generation, base, taken });
-        }
+    /// Adds a snapshot, to be made a checkpoint that holds all entries below `base`.
+    pub fn checkpoint(&mut self, key: u64, generation: u64, base: u64, taken: Box<Taken>) {
+        self.snapshots.push(Job { key, generation, base, taken });
     }
 
     /// Waits until everything handed over so far is durable or refused.
@@ -194,8 +202,17 @@ impl Journal {
         lock(&self.shared.image).get(&key).map_or(0, |stored| stored.generation)
     }
 
+    /// Number of the first entry of a session that no checkpoint holds.
+    pub fn base(&self, key: u64) -> u64 {
+        lock(&self.shared.image).get(&key).map_or(0, Stored::base)
+    }
+
     /// Why changes can't be taken now, if they can't.
     pub fn refusal(&self) -> Option<SessionError> {
+        if self.threads.iter().any(JoinHandle::is_finished) {
+            self.shared.vitals.set_healthy(false);
+            return Some(stopped());
+        }
         if let Some(failure) = &*lock(&self.shared.failure) {
             return Some(unstorable(failure));
         }
@@ -226,7 +243,11 @@ fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> std::io::Result<Joi
 fn encode(jobs: &mpsc::Receiver<Job>, tasks: &mpsc::Sender<Task>, shared: &Shared) {
     yield_to_frames();
     while let Ok(Job { key, generation, base, taken }) = jobs.recv() {
-        let records = match taken.snapshot.encode() {
+        // The entries that it replaces are worth more than one that can't be read.
+        let made = || taken.snapshot.check_mass().and_then(|()| taken.snapshot.encode());
+        let encoded = catch_unwind(AssertUnwindSafe(made));
+        let panicked = || Err(SessionError::Internal("making it panicked".to_owned()));
+        let records = match encoded.unwrap_or_else(|_| panicked()) {
             Ok(snapshot) => {
                 let Taken { seq, versions, .. } = *taken;
                 vec![Record::Checkpoint(Arc::new(Checkpoint { base, seq, versions, snapshot }))]
@@ -271,7 +292,7 @@ pub(super) fn unstorable(failure: &StoreError) -> SessionError {
 }
 
 fn stopped() -> SessionError {
-    SessionError::Unavailable("the engine has stopped".to_owned())
+    SessionError::Unavailable("changes can't be stored any more: only a restart helps".to_owned())
 }
 
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -40,6 +40,20 @@ impl Stored {
     }
 }
 
+/// What tells whether a submission belongs to a session as it is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Life {
+    generation: u64,
+    /// Number of its next entry.
+    next: u64,
+}
+
+impl From<&Stored> for Life {
+    fn from(stored: &Stored) -> Life {
+        Life { generation: stored.generation, next: stored.next() }
+    }
+}
+
 /// Sessions by their keys.
 pub(crate) type Image = HashMap<u64, Stored>;
 
@@ -81,18 +95,25 @@ impl Submission {
         self.records.iter().any(|record| matches!(record, Record::Delete))
     }
 
-    /// Whether it belongs to what is in the image.
-    pub fn fits(&self, image: &Image) -> bool {
-        match image.get(&self.key) {
-            None => matches!(self.records.first(), Some(Record::Create(..))),
-            Some(stored) => {
-                let durable = |record: &Record| match record {
-                    Record::Checkpoint(checkpoint) => checkpoint.base <= stored.next(),
-                    _ => true,
-                };
-                stored.generation == self.generation && self.records.iter().all(durable)
+    /// Whether it belongs to a session as it is stored, `None` where it is not. If so, `life` becomes
+    /// what it is after that: a checkpoint may hold entries that are committed together with it, and
+    /// nothing follows a deletion.
+    pub fn fits(&self, life: &mut Option<Life>) -> bool {
+        let begins = matches!(self.records.first(), Some(Record::Create(..)));
+        let mut after = match *life {
+            None if begins => Life { generation: self.generation, next: 0 },
+            Some(life) if life.generation == self.generation => life,
+            _ => return false,
+        };
+        for record in &self.records {
+            match record {
+                Record::Checkpoint(checkpoint) if checkpoint.base > after.next => return false,
+                Record::Entry(number, _) => after.next = number + 1,
+                _ => {}
             }
         }
+        *life = (!self.deletes()).then_some(after);
+        true
     }
 
     /// What it writes.

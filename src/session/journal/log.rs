@@ -12,6 +12,9 @@ use super::{Ack, Entry, Event, Identity, Mark, Record, Rest, Stored, Submission}
 /// Entries after which a checkpoint is due, however young the last is.
 const LONGEST_JOURNAL: u64 = 8192;
 
+/// Time after a checkpoint that failed before the next is tried where the journal is too long.
+const RETRY: Duration = Duration::from_secs(1);
+
 /// What one session has to tell the journal.
 #[derive(Default)]
 pub(crate) struct Log {
@@ -124,7 +127,7 @@ impl Log {
     pub fn checkpoint_due(&self, interval: Duration) -> Option<Instant> {
         let since = self.outdated?;
         if self.next - self.covered >= LONGEST_JOURNAL {
-            return Some(since);
+            return since.checked_add(interval.min(RETRY));
         }
         since.checked_add(interval)
     }
@@ -132,6 +135,13 @@ impl Log {
     /// Whether its newest mark says that it is at rest.
     pub fn rests(&self) -> bool {
         self.mark.rest.is_some()
+    }
+
+    /// Notes that the newest checkpoint did not come to be; the one before it holds all entries below
+    /// `base`.
+    pub fn uncover(&mut self, base: u64) {
+        self.covered = base;
+        self.outdate();
     }
 
     /// Notes that a checkpoint of the present state has been taken.
@@ -213,8 +223,12 @@ impl Simulation {
         Left { submission, checkpoint }
     }
 
-    /// A mark, where the newest one does not say how far the session has come.
+    /// A mark, where the newest one does not say how far the session has come. In the middle of a
+    /// run it has not come further than before.
     pub(in crate::session) fn mark(&mut self) -> Option<Submission> {
+        if self.portions.are_under_way() {
+            return None;
+        }
         let mark = self.log.mark_of(self.progress());
         let known = !self.log.unmarked && self.log.mark.holds(&mark);
         if known || self.log.create.is_some() {

@@ -2,22 +2,13 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::Duration;
 
 use crate::session::change::Change;
+use crate::session::orders::MOST_EDITS;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 
 use super::{Entry, Event, Stored};
-
-/// Edits of one frame after which others go into the next.
-const MOST_EDITS: usize = 4096;
-
-/// Shortest and longest time a frame should take: nobody waits for its answer, but a device may
-/// take one that is much too long for a failure.
-const FRAME_TIME: (Duration, Duration) = (Duration::from_millis(50), Duration::from_millis(200));
-
-const FIRST_SLICE: u32 = 64;
 
 /// What a session still has to go through again.
 #[derive(Debug)]
@@ -31,8 +22,6 @@ pub(crate) struct Replay {
     mirrors: bool,
     /// No cycle follows the edits of this frame.
     alone: bool,
-    /// Cycles in one frame, about.
-    slice: u32,
 }
 
 impl Replay {
@@ -45,31 +34,21 @@ impl Replay {
             restores: true,
             mirrors: mirrors && stored.checkpoint.is_some(),
             alone: true,
-            slice: FIRST_SLICE,
         }
     }
 
-    /// Ticks to be taken after a tick, and cycles they may make in this frame.
-    pub fn due(&self, tick: u64) -> (u64, u32) {
+    /// Ticks to be taken after a tick.
+    pub fn due(&self, tick: u64) -> u64 {
         if self.restores || self.alone {
-            return (0, 0);
+            return 0;
         }
         let until = self.entries.front().map_or(self.until, |entry| entry.tick);
-        (until.saturating_sub(tick), self.slice)
+        until.saturating_sub(tick)
     }
 
     /// Whether the frame's outcome goes to the mirror.
     pub fn publishes(&self) -> bool {
         self.restores && self.mirrors
-    }
-
-    /// Fits the next slice to the time that a frame with the last one took.
-    pub fn fit(&mut self, frame: Duration) {
-        if frame < FRAME_TIME.0 {
-            self.slice = self.slice.saturating_mul(2);
-        } else if frame > FRAME_TIME.1 {
-            self.slice = (self.slice / 2).max(1);
-        }
     }
 }
 
@@ -130,14 +109,12 @@ impl Simulation {
     }
 
     /// Notes that a frame of the replay is done. Returns whether it was the last.
-    pub(in crate::session) fn advance_replay(&mut self, took: Duration) -> bool {
+    pub(in crate::session) fn advance_replay(&mut self) -> bool {
         if self.portions.are_under_way() {
             return false;
         }
         let Some(replay) = &mut self.replay else { return true };
-        if !std::mem::take(&mut replay.restores) {
-            replay.fit(took);
-        }
+        replay.restores = false;
         replay.alone = false;
         let done = replay.entries.is_empty() && self.clock.tick() >= replay.until;
         if done {

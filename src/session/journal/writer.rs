@@ -21,7 +21,7 @@ use crate::session::once::Done;
 use crate::store::{Kind, Row, Store, StoreError, Write};
 
 use super::handle::{Feedback, Shared, Task, lock, refuse};
-use super::image::{Submission, beat};
+use super::image::{Life, Submission, beat};
 use super::{Heartbeat, Mark, Record};
 
 /// Time between two attempts to write to a store that failed.
@@ -157,6 +157,9 @@ impl Writer {
                 "the session went back to what is stored; nothing was changed, try again".into(),
             );
             self.drop_checkpoint(&submission);
+            if submission.deletes() {
+                self.tell(Feedback::Deleted { key: submission.key, result: Err(why.clone()) });
+            }
             refuse(submission.acks, &why);
         }
         let failure = lock(&self.shared.failure).clone();
@@ -171,17 +174,15 @@ impl Writer {
         self.shared.backlog.fetch_sub(count, Ordering::Relaxed);
     }
 
-    /// Sorts out what belongs to an earlier life of its session, and checkpoints of what is not
-    /// durable.
+    /// Sorts out what belongs to an earlier life of its session or to one that is deleted, and
+    /// checkpoints of what is not durable.
     fn sort(&self, batch: Vec<Submission>) -> (Vec<Submission>, Vec<Submission>) {
         let image = lock(&self.shared.image);
-        let mut created = BTreeSet::new();
+        let mut lives: HashMap<u64, Option<Life>> = HashMap::new();
         batch.into_iter().partition(|submission| {
-            let fits = submission.fits(&image);
-            if fits && !image.contains_key(&submission.key) {
-                created.insert(submission.key);
-            }
-            fits || (submission.generation == 0 && created.contains(&submission.key))
+            let key = submission.key;
+            let stored = || image.get(&key).map(Life::from);
+            submission.fits(lives.entry(key).or_insert_with(stored))
         })
     }
 

@@ -1,16 +1,19 @@
 //! Everything of a snapshot but its cells, and what it may say.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
-use crate::engine::frame::TileCells;
+use crate::engine::frame::{Placement, TileCells};
 use crate::session::clock::Clock;
 use crate::session::error::{Check, SessionError};
 use crate::session::falling::Falling;
 use crate::session::gather::Ledger;
+use crate::session::object_rows::words;
 use crate::session::simulation::Collider;
 use crate::session::spec::{Limits, SessionSpec};
 use crate::session::view::Settings;
-use crate::snow::{Contact, Material, Position, Shape};
+use crate::snow::{Contact, Footprint, Grid, Material, Position, Shape};
 
 use super::refused;
 
@@ -38,6 +41,19 @@ pub struct SavedCollider {
     pub shape: Shape,
     pub position: Position,
     pub contact: Contact,
+}
+
+impl SavedCollider {
+    /// Where it stands; `None` where that is not in the grid.
+    pub fn placement(&self, grid: &Grid) -> Option<Arc<Placement>> {
+        let footprint = Footprint::new(grid, &self.shape, self.position)?;
+        Some(Arc::new(Placement { mass: self.mass, footprint }))
+    }
+
+    /// What it takes in the device's tables.
+    pub fn rows(&self, grid: &Grid) -> u64 {
+        self.placement(grid).map_or(0, |placement| words(&placement, grid))
+    }
 }
 
 impl Description {
@@ -69,7 +85,7 @@ impl Description {
         for (i, saved) in self.colliders.iter().enumerate() {
             let at = format!("/colliders/{i}");
             let SavedCollider { mass, shape, position, contact, .. } = *saved;
-            let object = Collider { mass, shape, position, contact };
+            let object = Collider { mass, shape, position, contact, rows: 0 };
             object.check(&mut check, &at, &saved.id, &self.spec.grid);
             let ordered = i == 0 || self.colliders[i - 1].id < saved.id;
             let positive = |number: f32| number > 0.0 && number.is_finite();

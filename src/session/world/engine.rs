@@ -57,6 +57,8 @@ pub(super) struct Engine {
     /// Who waits for a session to be deleted.
     pub(super) leaving: HashMap<u64, Vec<Answer<()>>>,
     pub(super) slots: Slots,
+    /// What the objects of all sessions take in the device's tables.
+    pub(super) object_rows: Arc<AtomicU64>,
     pub(super) journal: Journal,
     /// Sessions that are to be brought back before anything else.
     pub(super) comebacks: BTreeMap<u64, Revival>,
@@ -77,19 +79,21 @@ impl Engine {
     /// Those of the backend, after which it has to be opened anew.
     pub(super) fn run(&mut self) -> Result<(), EngineError> {
         self.bring_back()?;
+        let mut saves = false;
         loop {
             if !self.take_messages()? {
                 return Ok(());
             }
             let (begun, beat) = (Instant::now(), self.frame);
-            let publish = self.beat();
+            // The frame with a checkpoint takes on nothing that falls on a beat.
+            let publish = !std::mem::take(&mut saves) && self.beat();
             self.look_after_sessions()?;
             let frame = self.carry_out_frame(publish)?;
             if frame.sessions > 0 || self.frame > beat {
                 self.vitals.note(FrameTime { took: begun.elapsed(), ..frame });
             }
             if self.frame > beat {
-                self.begin_checkpoint();
+                saves = self.begin_checkpoint();
             }
         }
     }

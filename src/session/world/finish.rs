@@ -1,5 +1,6 @@
-//! The end of the world's thread: runs come to their end, and what is not covered yet is saved.
+//! The end of the world's thread: everything comes to its end, and what is not covered yet is saved.
 
+use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
 use tracing::{info, warn};
@@ -8,68 +9,89 @@ use crate::session::journal::Feedback;
 
 use super::engine::Engine;
 
-/// Cells of which checkpoints are made in one frame when the server stops.
+/// Cells of which checkpoints are made at a time when the server stops: their snapshots are in memory
+/// until they are compressed.
 const LAST_CHECKPOINTS: u64 = 4 << 20;
 
 impl Engine {
-    /// Writes the last checkpoints and marks, where it was told to stop.
+    /// Writes the last marks and checkpoints, where it was told to stop.
     pub(super) fn finish(&mut self) {
         let Some(deadline) = self.stop.filter(|_| self.journal.durable) else { return };
         let began = Instant::now();
-        let frame = self.frame;
+        self.stand_still(deadline);
         self.mark_all();
-        let mut left = Vec::new();
-        for (key, simulation) in self.simulations.iter_mut() {
-            simulation.catch_up(frame);
-            simulation.frozen = true;
-            if !simulation.log.is_covered() {
-                left.push(key);
-            }
-        }
-        self.end_runs(deadline);
-        let count = left.len();
-        let mut missing = 0;
-        while !left.is_empty() && Instant::now() < deadline {
-            let mut cells = 0;
-            self.simulations.take_active();
-            while let Some(&key) = left.last()
-                && cells < LAST_CHECKPOINTS
-            {
-                left.pop();
-                if let Some(simulation) = self.simulations.get_mut(&key) {
-                    simulation.next.checkpoint = true;
-                    cells += simulation.session.spec.grid.cells();
-                    self.simulations.set_active(key, true);
-                    missing += 1;
-                }
-            }
+        let uncovered = self.simulations.iter_mut().filter(|(_, one)| !one.log.is_covered());
+        let mut left: Vec<u64> = uncovered.map(|(key, _)| key).collect();
+        let (count, mut made) = (left.len(), 0);
+        while !left.is_empty() && Instant::now() < deadline && self.journal.refusal().is_none() {
+            let wave = self.next_to_save(&mut left);
             if let Err(failure) = self.carry_out_frame(false) {
                 warn!("no last checkpoints: {failure}");
                 break;
             }
+            made += self.wait_for_checkpoints(wave, deadline);
         }
-        while missing > 0 && Instant::now() < deadline {
-            let patience = deadline.saturating_duration_since(Instant::now());
-            match self.journal.wait(patience.min(Duration::from_secs(1))) {
-                Some(Feedback::Checkpoint { .. }) => missing -= 1,
-                Some(_) => {}
-                None if self.journal.refusal().is_some() => break,
-                None => {}
-            }
-        }
-        info!("{} of {count} last checkpoints after {:.1?}", count - left.len(), began.elapsed());
+        info!("{made} of {count} last checkpoints after {:.1?}", began.elapsed());
     }
 
-    /// Lets the runs that are under way come to their end; nobody begins another.
-    fn end_runs(&mut self, deadline: Instant) {
-        let under_way = |engine: &mut Engine| {
-            engine.simulations.iter_mut().any(|(_, simulation)| simulation.portions.are_under_way())
-        };
-        while under_way(self) && Instant::now() < deadline {
+    /// Has time stand still everywhere: steps end where they are, and what is under way is brought
+    /// to its end.
+    fn stand_still(&mut self, deadline: Instant) {
+        let frame = self.frame;
+        for (_, simulation) in self.simulations.iter_mut() {
+            simulation.catch_up(frame);
+            simulation.frozen = true;
+            simulation.end_step();
+        }
+        while Instant::now() < deadline {
+            let busy = self.simulations.iter_mut().filter(|(_, one)| one.has_orders());
+            let busy: Vec<u64> = busy.map(|(key, _)| key).collect();
+            if busy.is_empty() {
+                return;
+            }
+            busy.into_iter().for_each(|key| self.simulations.set_active(key, true));
             if let Err(failure) = self.carry_out_frame(false) {
                 warn!("runs were not ended: {failure}");
                 return;
             }
         }
+    }
+
+    /// Has checkpoints made of some sessions in the next frame, and of no others.
+    fn next_to_save(&mut self, left: &mut Vec<u64>) -> HashSet<u64> {
+        let (mut wave, mut cells) = (HashSet::new(), 0);
+        self.simulations.take_active();
+        while cells < LAST_CHECKPOINTS
+            && let Some(key) = left.pop()
+        {
+            if let Some(simulation) = self.simulations.get_mut(&key) {
+                simulation.next.checkpoint = true;
+                cells += simulation.session.spec.grid.cells();
+                self.simulations.set_active(key, true);
+                wave.insert(key);
+            }
+        }
+        wave
+    }
+
+    /// Waits until checkpoints are stored. Returns how many are.
+    fn wait_for_checkpoints(&mut self, mut wave: HashSet<u64>, deadline: Instant) -> usize {
+        let mut made = 0;
+        while !wave.is_empty() && Instant::now() < deadline {
+            let patience = deadline.saturating_duration_since(Instant::now());
+            match self.journal.wait(patience.min(Duration::from_secs(1))) {
+                Some(Feedback::Checkpoint { key, stored, .. }) => {
+                    made += usize::from(wave.remove(&key) && stored);
+                }
+                Some(Feedback::Deleted { key, result }) => self.deleted(key, &result),
+                // Nobody is told of a state any more that would have to be taken back.
+                Some(Feedback::Undo { refused, why, .. }) => {
+                    refused.into_iter().for_each(|ack| ack(Err(why.clone())));
+                }
+                None if self.journal.refusal().is_some() => break,
+                None => {}
+            }
+        }
+        made
     }
 }

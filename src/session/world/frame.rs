@@ -124,13 +124,12 @@ fn conclude(
     let published = &outcome.published;
     let concluded = parallel::each_pair(part, outcome.work, |simulation, work| {
         let left = caught(|| {
-            if let Some(job) = &mut simulation.step {
-                job.fit(took);
-            }
-            simulation.portions.fit(took);
+            simulation.fit_portions(took);
             let tiles = published.tiles(work.tiles.clone());
             simulation.conclude(work, tiles);
-            simulation.leave()
+            let left = simulation.leave();
+            simulation.release_held();
+            left
         });
         let review = simulation.has_orders() || !simulation.wants_frames();
         let nothing = !review && left.as_ref().is_some_and(Left::is_nothing);

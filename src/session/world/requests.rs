@@ -10,17 +10,15 @@ use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::{Ack, Identity, Log, Record, Submission};
 use crate::session::message::Message;
+use crate::session::object_rows::ObjectRows;
 use crate::session::once::Done;
-use crate::session::orders::{Answer, Reply, refuse};
+use crate::session::orders::{Answer, MOST_EDITS, Reply, refuse};
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 use crate::session::token::TokenHashes;
 
 use super::Fault;
 use super::engine::Engine;
-
-/// Edits of one session in one frame after which other requests wait for the next.
-const MOST_EDITS: usize = 4096;
 
 impl Engine {
     /// Takes a request in. Returns false where it says to stop.
@@ -41,13 +39,21 @@ impl Engine {
             }
             Message::Change { key, change, once, reply } => {
                 let most = self.config.limits.colliders_per_session;
-                self.alter(key, reply, |sim, reply| sim.change(change, once, most, reply))?;
+                self.alter(key, reply, move |sim, reply| {
+                    sim.between_ticks(reply, move |sim, reply| {
+                        sim.change(change, once, most, reply);
+                    });
+                })?;
             }
             Message::Step { key, step, reply } => {
                 self.alter(key, reply, |sim, reply| sim.begin_step(&step, reply))?;
             }
             Message::Reset { key, saved, reply } => {
-                self.alter(key, reply, |sim, reply| sim.begin_reset(saved.as_deref(), reply))?;
+                self.alter(key, reply, move |sim, reply| {
+                    sim.between_ticks(reply, move |sim, reply| {
+                        sim.begin_reset(saved.as_deref(), reply);
+                    });
+                })?;
             }
             Message::Tokens { key, hashes, reply } => {
                 self.set_tokens(key, hashes, reply);
@@ -96,6 +102,12 @@ impl Engine {
             refuse(reply, &why);
             return;
         }
+        let mut rows = ObjectRows::new(self.object_rows.clone());
+        let taken = saved.as_ref().map_or(0, |snapshot| snapshot.object_rows());
+        if let Err(why) = rows.try_take(taken) {
+            refuse(reply, &why);
+            return;
+        }
         let slot = self.slots.take();
         let layout = Simulation::layout(&session.spec);
         if let Err(failure) = self.backend.create(slot, &layout) {
@@ -110,7 +122,7 @@ impl Engine {
         }
         let key = session.key;
         let log = Log::created(Arc::new(session.identity()), session.origin.clone(), done);
-        self.simulations.insert(key, Simulation::new(session, slot, self.frame, log));
+        self.simulations.insert(key, Simulation::new(session, slot, self.frame, log, rows));
         self.guard(key, |simulation| {
             simulation.begin(saved.as_deref());
             simulation.next.replies.push(Reply::Created(reply));
@@ -171,12 +183,12 @@ impl Engine {
             return Ok(());
         }
         let frame = self.frame;
-        let edits = self.guard(key, |simulation| {
+        let changes = self.guard(key, |simulation| {
             simulation.catch_up(frame);
             act(simulation, reply);
-            simulation.next.edits.len()
+            simulation.next.edits.len() + simulation.held.count()
         });
-        self.full |= edits.is_some_and(|edits| edits >= MOST_EDITS);
+        self.full |= changes.is_some_and(|changes| changes >= MOST_EDITS);
         self.review(key);
         Ok(())
     }

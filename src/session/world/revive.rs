@@ -9,9 +9,10 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use tracing::{error, info, warn};
 
 use crate::engine::frame::EngineError;
-use crate::session::error::SessionError;
+use crate::session::error::{Invalid, SessionError};
 use crate::session::handle::Session;
 use crate::session::journal::{Log, Replay, Stored, Submission};
+use crate::session::object_rows::ObjectRows;
 use crate::session::orders::Orders;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
@@ -144,13 +145,27 @@ impl Engine {
                         keys.insert(key);
                     }
                 }
-                Err(why) => error!(session = id, "its checkpoint can't be read: {why}"),
+                Err(why) => {
+                    let why = reasons(&why);
+                    error!(session = id, "its checkpoint can't be read, and stays stored: {why}");
+                    self.vitals.store.lost(1);
+                    self.set_aside(revival, why);
+                }
             }
         }
         let replayed = self.replay(&keys);
         self.reviving = false;
         others.into_iter().for_each(|key| self.simulations.set_active(key, true));
         replayed
+    }
+
+    /// Gives up a session that can't be brought back.
+    fn set_aside(&mut self, revival: Revival, why: String) {
+        let Revival { session, at_start, reads, .. } = revival;
+        reads.refuse(&SessionError::Internal(why));
+        if !at_start {
+            self.forget(session.key, &session);
+        }
     }
 
     /// Makes room for a session and begins its replay. Returns whether there was room.
@@ -184,7 +199,8 @@ impl Engine {
             let lost = log.lose(stored.mark.seq + 1, session.mirror().seq);
             session.set_lost_seqs(lost);
         }
-        let mut simulation = Simulation::new(session, slot, self.frame, log);
+        let rows = ObjectRows::new(self.object_rows.clone());
+        let mut simulation = Simulation::new(session, slot, self.frame, log, rows);
         simulation.brought_back = !at_start;
         self.simulations.insert(key, simulation);
         self.simulations.set_active(key, true);
@@ -203,12 +219,8 @@ impl Engine {
                 self.guard(key, Simulation::feed_replay);
                 self.simulations.set_active(key, true);
             }
-            let began = Instant::now();
             self.carry_out_frame(false)?;
-            let took = began.elapsed();
-            left.retain(|&key| {
-                self.guard(key, |simulation| simulation.advance_replay(took)) == Some(false)
-            });
+            left.retain(|&key| self.guard(key, Simulation::advance_replay) == Some(false));
             // Those that are through wait for the others.
             self.simulations.take_active();
         }
@@ -222,4 +234,11 @@ impl Engine {
         keys.iter().for_each(|&key| self.simulations.set_active(key, true));
         self.carry_out_frame(true).map(drop)
     }
+}
+
+/// All that is wrong with what is stored.
+fn reasons(why: &SessionError) -> String {
+    let SessionError::Invalid(parts) = why else { return why.to_string() };
+    let parts = parts.iter().map(|Invalid { pointer, detail }| format!("{pointer} {detail}"));
+    parts.collect::<Vec<_>>().join("; ")
 }

@@ -48,14 +48,17 @@ impl Engine {
 
     /// Begins a checkpoint, where one is due: one at a time, and none while it could not be stored. It is
     /// taken in a frame of its own before the next beat, so that no frame with cycles takes longer for it.
-    pub(super) fn begin_checkpoint(&mut self) {
+    /// Returns whether one was begun.
+    pub(super) fn begin_checkpoint(&mut self) -> bool {
         let now = Instant::now();
+        let free = self.checkpointing.is_none();
         while self.checkpointing.is_none()
             && self.journal.refusal().is_none()
             && let Some(key) = self.saves.pop_due(now)
         {
             self.save(key);
         }
+        free && self.checkpointing.is_some()
     }
 
     /// Notes when a session is to be looked at next.
@@ -107,8 +110,7 @@ impl Engine {
         if simulation.step.is_some() || simulation.frozen || self.leaving.contains_key(&key) {
             return;
         }
-        let idle = simulation.session.idle_for();
-        let tired = simulation.settings.idle_timeout_s.is_some_and(|timeout| idle >= timeout);
+        let tired = simulation.is_tired();
         let due = simulation.log.checkpoint_due(interval);
         if !tired && due.is_none_or(|due| due > Instant::now()) {
             self.schedule(key);
@@ -125,6 +127,10 @@ impl Engine {
     pub(super) fn hand_over(&mut self, key: u64, left: Left) {
         if let Some(submission) = left.submission {
             self.journal.add(submission);
+        }
+        if let Some(simulation) = self.simulations.get(&key) {
+            let rests = simulation.log.rests();
+            self.simulations.set_at_rest(key, rests);
         }
         if let Some((generation, base, taken)) = left.checkpoint {
             self.journal.checkpoint(key, generation, base, taken);
@@ -183,18 +189,19 @@ impl Engine {
     }
 
     fn checkpointed(&mut self, key: u64, generation: u64, stored: bool) {
-        if self.checkpointing == Some(key) {
-            self.checkpointing = None;
-        }
-        let frame = self.frame;
+        let (frame, base) = (self.frame, self.journal.base(key));
         let Some(simulation) = self.simulations.get_mut(&key) else { return };
         if simulation.log.generation() != generation {
             return;
         }
-        if !stored {
-            simulation.log.outdate();
+        if self.checkpointing == Some(key) {
+            self.checkpointing = None;
         }
-        if simulation.frozen && stored && !simulation.has_orders() && simulation.log.is_covered() {
+        if !stored {
+            simulation.log.uncover(base);
+        }
+        let covered = stored && !simulation.has_orders() && simulation.log.is_covered();
+        if simulation.frozen && covered && simulation.is_tired() {
             self.hibernate(key);
         } else if simulation.frozen {
             simulation.thaw(frame);
@@ -203,14 +210,22 @@ impl Engine {
         self.schedule(key);
     }
 
-    /// Frees the memory of a session whose checkpoint is its state.
+    /// Frees the memory of a session whose checkpoint is its state, unless somebody comes just then.
     fn hibernate(&mut self, key: u64) {
+        let frame = self.frame;
+        let Some(simulation) = self.simulations.get_mut(&key) else { return };
+        simulation.session.hibernating.store(true, Ordering::SeqCst);
+        if !simulation.is_tired() {
+            simulation.session.hibernating.store(false, Ordering::SeqCst);
+            simulation.thaw(frame);
+            self.review(key);
+            return;
+        }
         let Some(simulation) = self.simulations.remove(&key) else { return };
         self.backend.release(simulation.slot);
         self.slots.give_back(simulation.slot);
         let session = simulation.session.clone();
         session.stand_still(simulation.clock);
-        session.hibernating.store(true, Ordering::Relaxed);
         debug!(session = session.id, "hibernates");
         self.hibernating.insert(key, session);
         self.count_hibernating();
@@ -250,9 +265,8 @@ impl Engine {
             Some(simulation) => simulation.log.generation(),
             None => self.journal.generation(key),
         };
-        let waiting = self.leaving.entry(key).or_default();
-        let begun = !waiting.is_empty();
-        waiting.extend(reply);
+        let begun = self.leaving.contains_key(&key);
+        self.leaving.entry(key).or_default().extend(reply);
         if !begun {
             let records = vec![Record::Delete];
             self.journal.add(Submission { key, generation, records, acks: Vec::new() });
@@ -260,7 +274,8 @@ impl Engine {
         }
     }
 
-    fn deleted(&mut self, key: u64, result: &Result<(), SessionError>) {
+    /// Takes a session out of the world that is no longer stored, and answers whoever waits for that.
+    pub(super) fn deleted(&mut self, key: u64, result: &Result<(), SessionError>) {
         let waiting = self.leaving.remove(&key).unwrap_or_default();
         if result.is_ok() {
             if let Some(session) = self.hibernating.remove(&key) {

@@ -1,7 +1,6 @@
 //! A tile of 8 × 8 columns: what is edited, stressed, compacted and put to sleep together.
 
 use super::Collider;
-
 use crate::snow::column::{Column, SurfaceLoad};
 use crate::snow::contact::{elevation, share};
 use crate::snow::footprint::Footprint;

@@ -60,12 +60,13 @@ impl Planner<'_> {
         let evaluates = round.iter().any(|(_, edit)| !matches!(edit, Edit::Restore(_)));
         for (result, edit) in round {
             match edit {
-                Edit::Deposit(_) | Edit::Clear { .. } => {
-                    let (operation, columns) = operation(&edit, result);
-                    let row = self.tables.orders.operations.push(operation);
-                    for tile in tiles_in(columns, resident.row.tiles_x) {
-                        snowed.entry(tile).or_default().push(row);
-                    }
+                Edit::Deposit(deposit) => {
+                    let snow = deposited(&deposit);
+                    self.operate(resident, (DEPOSIT, deposit.columns, snow), result, &mut snowed);
+                }
+                Edit::Clear { columns, depth } => {
+                    let left = [0, depth, 0, 0];
+                    self.operate(resident, (CLEAR, columns, left), result, &mut snowed);
                 }
                 Edit::PutCollider { id, collider, placed } => {
                     let tiles = collider.footprint.tiles(&resident.layout.grid);
@@ -116,6 +117,24 @@ impl Planner<'_> {
         edited.colliders += resident.bodies.len() as u32;
         self.load_jobs(slot, resident, stressed.into_iter(), &mut edited.load_jobs);
         resident.bodies.values_mut().for_each(|body| body.placed = false);
+    }
+
+    /// Adds a snowfall or clearing of some columns, the result of which has a number, and lists it for
+    /// their tiles.
+    fn operate(
+        &mut self,
+        resident: &Resident,
+        (kind, columns, snow): (u32, ColumnRect, [u32; 4]),
+        result: u32,
+        snowed: &mut BTreeMap<u32, Vec<u32>>,
+    ) {
+        let ColumnRect { x0, z0, x1, z1 } = columns;
+        let columns_row = [x0, z0, x1, z1];
+        let row = Operation { columns: columns_row, snow, kind, result, padding: [0; 2] };
+        let row = self.tables.orders.operations.push(row);
+        for tile in tiles_in(columns, resident.row.tiles_x) {
+            snowed.entry(tile).or_default().push(row);
+        }
     }
 
     /// Adds jobs for tiles with the operations that touch them. Tiles that the same operations touch
@@ -207,19 +226,11 @@ fn by_page<T>(jobs: Vec<(u32, T)>) -> BTreeMap<u32, Vec<T>> {
     pages
 }
 
-/// The row of a snowfall or clearing, and the columns it is about.
-fn operation(edit: &Edit, result: u32) -> (Operation, ColumnRect) {
-    let (kind, columns, snow) = match *edit {
-        Edit::Deposit(Deposit { columns, depth, mass, temperature }) => {
-            // As in Column::deposit: the mass of a full cell of this snow.
-            let share = (u64::from(mass) << 24) / u64::from(depth.max(1));
-            let share = share.min(u64::from(u32::MAX)) as u32;
-            (DEPOSIT, columns, [mass, depth, share, temperature.to_bits()])
-        }
-        Edit::Clear { columns, depth } => (CLEAR, columns, [0, depth, 0, 0]),
-        _ => (CLEAR, ColumnRect { x0: 0, z0: 0, x1: 0, z1: 0 }, [0; 4]),
-    };
-    let ColumnRect { x0, z0, x1, z1 } = columns;
-    let row = Operation { columns: [x0, z0, x1, z1], snow, kind, result, padding: [0; 2] };
-    (row, columns)
+/// What a row says of snow that falls.
+fn deposited(deposit: &Deposit) -> [u32; 4] {
+    let Deposit { depth, mass, temperature, .. } = *deposit;
+    // As in Column::deposit: the mass of a full cell of this snow.
+    let share = (u64::from(mass) << 24) / u64::from(depth.max(1));
+    let share = share.min(u64::from(u32::MAX)) as u32;
+    [mass, depth, share, temperature.to_bits()]
 }

@@ -188,8 +188,7 @@ impl Planner<'_> {
             for (tiles, &length) in loaded.tiles.iter().zip(&lists) {
                 let (first, count) = (length + 1, tiles.with_cycle(cycle));
                 let flags = UNDER_OBJECTS;
-                let pass =
-                    Pass { first, length, count, cycle, cycles: 1, flags, ..Pass::default() };
+                let pass = Pass { first, length, cycle, cycles: 1, flags, ..Pass::default() };
                 self.dispatch(KernelId::Compact, tiles.page, pass, count);
             }
         }
