@@ -2,6 +2,7 @@
 //! piece.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use firn::cli::open_backend;
@@ -151,44 +152,63 @@ async fn what_arrives_in_the_middle_of_a_long_tick_does_not_fall_into_it(backend
     server.stop().await;
 }
 
-/// Ticks are under way nearly all the time; changes and reads fall into them.
+/// One long tick follows the other; changes and reads fall into them.
 async fn what_is_read_beside_changes_and_long_ticks_is_of_one_moment(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    let live = json!({
-        "grid": {"width": 48, "depth": 48, "height": 20, "cell_size": 0.2},
-        "time_scale": 1000, "initial_snow": [{"depth": 2.0}],
-    });
-    let path = server.create(live).await;
-    server.post(&format!("{path}/colliders"), sledge(9.6)).await.expect(201);
-    for round in 0..30 {
-        let (snowfalls, mass) = (format!("{path}/snowfalls"), format!("{path}/mass"));
-        let (snapshot, colliders) = (format!("{path}/snapshot"), format!("{path}/colliders"));
+    let mut body = long(32);
+    body["time_scale"] = json!(250);
+    // It never comes to rest.
+    body["snowfall_rate"] = json!(0.5);
+    let path = server.create(body).await;
+    server.post(&format!("{path}/colliders"), sledge(6.4)).await.expect(201);
+    let over = AtomicBool::new(false);
+    let is_over = || over.load(Ordering::Relaxed);
+    let ticks = async {
+        server.step(&path, 30).await;
+        over.store(true, Ordering::Relaxed);
+    };
+    // Whoever asks again after every answer asks in every tick.
+    let snow = async || {
+        while !is_over() {
+            let fall = json!({"depth": 0.002});
+            server.post(&format!("{path}/snowfalls"), fall).await.expect(200);
+        }
+    };
+    let masses = async || {
+        while !is_over() {
+            let mass = server.get(&format!("{path}/mass")).await.expect(200);
+            assert_eq!(mass["imbalance_quanta"], 0);
+        }
+    };
+    let objects = async {
         // It comes before the sledge in the order of the list, and goes again.
-        let ahead = format!("{colliders}/ahead");
+        let ahead = format!("{path}/colliders/ahead");
         let light = json!({"mass": 1, "position": {"x": 0.6, "z": 0.6},
             "shape": {"type": "disk", "radius": 0.3}});
-        let (fall, removed) = (json!({"depth": 0.02}), round % 2 == 1);
-        let (balance, fallen, saved, object, listed) = tokio::join!(
-            server.get(&mass),
-            server.post(&snowfalls, fall),
-            server.get(&snapshot),
-            async {
-                if removed { server.delete(&ahead).await } else { server.put(&ahead, light).await }
-            },
-            server.get(&colliders),
-        );
-        assert_eq!(balance.expect(200)["imbalance_quanta"], 0, "round {round}");
-        fallen.expect(200);
-        assert_eq!(object.status, if removed { 204 } else { 201 });
-        let media_type = "application/vnd.firn.snapshot";
-        let again = server.post_bytes("/v1/sessions", media_type, saved.body).await.expect(201);
-        let again = format!("/v1/sessions/{}", again["id"].as_str().unwrap());
-        assert_eq!(server.delete(&again).await.status, 204);
-        for object in listed.expect(200)["items"].as_array().unwrap() {
-            // The light one stands on a few columns, the sledge on a quarter of all.
-            let area = object["contact_area"].as_f64().unwrap();
-            assert_eq!(object["id"] == "sledge", area > 1.0, "round {round}: {object}");
+        while !is_over() {
+            server.put(&ahead, light.clone()).await.expect(201);
+            assert_eq!(server.delete(&ahead).await.status, 204);
         }
-    }
+    };
+    let snapshots = async {
+        while !is_over() {
+            let saved = server.get(&format!("{path}/snapshot")).await.body;
+            let media_type = "application/vnd.firn.snapshot";
+            let again = server.post_bytes("/v1/sessions", media_type, saved).await.expect(201);
+            let again = format!("/v1/sessions/{}", again["id"].as_str().unwrap());
+            assert_eq!(server.delete(&again).await.status, 204);
+        }
+    };
+    let lists = async {
+        while !is_over() {
+            let listed = server.get(&format!("{path}/colliders")).await.expect(200);
+            for object in listed["items"].as_array().unwrap() {
+                // The light one stands on a few columns, the sledge on a quarter of all.
+                let area = object["contact_area"].as_f64().unwrap();
+                assert_eq!(object["id"] == "sledge", area > 1.0, "{object}");
+            }
+        }
+    };
+    tokio::join!(ticks, snow(), snow(), masses(), masses(), objects, snapshots, lists);
     server.stop().await;
 }

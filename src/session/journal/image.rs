@@ -210,3 +210,44 @@ pub(super) fn beat(heartbeat: Heartbeat) -> Write {
 fn json(value: &impl serde::Serialize) -> Vec<u8> {
     serde_json::to_vec(value).expect("what is journaled has string keys and finite numbers")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn submission(generation: u64, records: Vec<Record>) -> Submission {
+        Submission { key: 7, generation, records, acks: Vec::new() }
+    }
+
+    fn entry(number: u64) -> Record {
+        Record::Entry(number, Arc::new(Entry { tick: 0, ran: false, events: Vec::new() }))
+    }
+
+    fn checkpoint(base: u64) -> Record {
+        let (versions, snapshot) = (Vec::new(), Vec::new());
+        Record::Checkpoint(Arc::new(Checkpoint { base, seq: 0, versions, snapshot }))
+    }
+
+    #[test]
+    fn a_checkpoint_may_hold_entries_of_its_own_batch_and_none_that_come_later() {
+        let mut life = Some(Life { generation: 2, next: 5 });
+        assert!(!submission(2, vec![checkpoint(6)]).fits(&mut life));
+        assert!(submission(2, vec![entry(5)]).fits(&mut life));
+        assert!(submission(2, vec![checkpoint(6)]).fits(&mut life));
+        assert_eq!(life, Some(Life { generation: 2, next: 6 }));
+    }
+
+    #[test]
+    fn nothing_follows_a_deletion_and_nothing_of_an_earlier_life_counts() {
+        let mark = || Record::Mark(Mark::default());
+        let mut life = Some(Life { generation: 2, next: 5 });
+        assert!(!submission(1, vec![mark()]).fits(&mut life));
+        assert!(!submission(1, vec![Record::Delete]).fits(&mut life));
+        assert!(submission(2, vec![mark()]).fits(&mut life));
+        assert!(submission(2, vec![Record::Delete]).fits(&mut life));
+        for late in [entry(5), mark(), checkpoint(5), Record::Delete] {
+            assert!(!submission(2, vec![late]).fits(&mut life));
+        }
+        assert_eq!(life, None);
+    }
+}
