@@ -7,23 +7,31 @@ use std::fmt;
 use super::error::SessionError;
 use super::orders::{Answer, MOST_EDITS, refuse};
 use super::simulation::Simulation;
+use super::snapshot::Snapshot;
 
 /// What is to be done with the session, or why it won't be.
 type Act = Box<dyn FnOnce(Result<&mut Simulation, &SessionError>) + Send>;
 
+/// Changes to one session that may wait; more are refused.
+const MOST_HELD: usize = 1024;
+
 /// Changes that wait, the oldest first.
 #[derive(Default)]
-pub(super) struct Held(VecDeque<Act>);
+pub(super) struct Held {
+    acts: VecDeque<Act>,
+    /// A reset is among them.
+    resets: bool,
+}
 
 impl Held {
     /// How many wait.
     pub fn count(&self) -> usize {
-        self.0.len()
+        self.acts.len()
     }
 
     /// Tells everybody who waits why there is no answer.
     pub fn refuse(self, why: &SessionError) {
-        self.0.into_iter().for_each(|act| act(Err(why)));
+        self.acts.into_iter().for_each(|act| act(Err(why)));
     }
 }
 
@@ -39,20 +47,44 @@ impl Simulation {
             act(self, answer);
             return;
         }
-        self.held.0.push_back(Box::new(|simulation| match simulation {
+        if self.held.count() >= MOST_HELD {
+            let many = format!("{MOST_HELD} changes wait for the end of a long tick already");
+            refuse(answer, &SessionError::Unavailable(many));
+            return;
+        }
+        self.held.acts.push_back(Box::new(|simulation| match simulation {
             Ok(simulation) => act(simulation, answer),
             Err(why) => refuse(answer, why),
         }));
+    }
+
+    /// Makes a reset between two ticks. Only one may wait: each brings a whole snowpack along.
+    pub(super) fn reset_between_ticks(&mut self, saved: Option<Box<Snapshot>>, answer: Answer<()>) {
+        if self.step.is_some() || self.held.resets {
+            let conflict = "the session is being stepped or reset; wait for that".to_owned();
+            refuse(answer, &SessionError::Conflict(conflict));
+            return;
+        }
+        self.between_ticks(answer, move |simulation, answer| {
+            simulation.begin_reset(saved.as_deref(), answer);
+        });
+        self.held.resets = self.held.count() > 0;
+    }
+
+    /// Refuses the changes that have waited for the end of a run.
+    pub(super) fn refuse_held(&mut self, why: &SessionError) {
+        std::mem::take(&mut self.held).refuse(why);
     }
 
     /// Makes the changes that have waited for the end of a run: as many as one frame should carry.
     pub(super) fn release_held(&mut self) {
         while !self.portions.are_under_way()
             && self.next.edits.len() < MOST_EDITS
-            && let Some(act) = self.held.0.pop_front()
+            && let Some(act) = self.held.acts.pop_front()
         {
             act(Ok(self));
         }
+        self.held.resets &= self.held.count() > 0;
     }
 }
 

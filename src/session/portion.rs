@@ -22,6 +22,9 @@ pub(super) const REPLAY_TIME: (Duration, Duration) =
 /// Cycles of a snowpack's first frame.
 const FIRST: u32 = 8;
 
+/// The same where a session is brought back.
+const FIRST_OF_REPLAY: u32 = 64;
+
 /// Cycles that are never parted: many snowpacks that tick in one frame may make it a long one, and
 /// would only make more of them.
 const LEAST: u32 = 8;
@@ -74,6 +77,11 @@ impl Portions {
     /// Forgets how many cycles were right: there is more to do in each of them now.
     pub fn begin_anew(&mut self) {
         self.size = self.size.min(FIRST);
+    }
+
+    /// For a session that is brought back: nobody waits for its first frames.
+    pub fn for_replay() -> Portions {
+        Portions { size: FIRST_OF_REPLAY, ..Portions::default() }
     }
 
     /// Begins with some work. Returns the part of it that goes into the coming frame.

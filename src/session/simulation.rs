@@ -59,6 +59,10 @@ pub struct Simulation {
     pub(super) log: Log,
     /// What it has to go through again before anything else.
     pub(super) replay: Option<Replay>,
+    /// It has not come to the end of that.
+    pub(super) replays: bool,
+    /// The newest frame has put off a run, so that whoever waits is answered first.
+    pub(super) answered_first: bool,
     /// Time stands still: it is about to hibernate.
     pub(super) frozen: bool,
     /// The mirror shows a state that was published before the session was brought back.
@@ -111,6 +115,8 @@ impl Simulation {
             step: None,
             log,
             replay: None,
+            replays: false,
+            answered_first: false,
             frozen: false,
             brought_back: false,
             waiting_reads: Orders::default(),
@@ -180,7 +186,9 @@ impl Simulation {
     pub(super) fn disturb(&mut self) {
         self.settled = false;
         self.still = false;
-        self.portions.begin_anew();
+        if !self.replays {
+            self.portions.begin_anew();
+        }
     }
 
     /// Notes that every tile has to be looked at again.

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use crate::engine::frame::{Contents, Edit, TileCells};
 
 use super::error::{Invalid, SessionError};
+use super::object_rows::words;
 use super::simulation::{Collider, Simulation};
 use super::spec::{Limits, SessionSpec};
 use super::view::Stamp;
@@ -146,7 +147,7 @@ impl Snapshot {
     /// What its objects take in the device's tables.
     pub(super) fn object_rows(&self) -> u64 {
         let grid = &self.description.spec.grid;
-        self.description.colliders.iter().map(|saved| saved.rows(grid)).sum()
+        self.description.colliders.iter().map(|saved| words(&saved.shape, grid)).sum()
     }
 
     /// What a backend restores.
@@ -196,7 +197,7 @@ impl Simulation {
         let grid = &saved.spec.grid;
         let collider = |saved: &SavedCollider| {
             let SavedCollider { mass, shape, position, contact, .. } = *saved;
-            let rows = saved.rows(grid);
+            let rows = words(&saved.shape, grid);
             (Arc::from(saved.id.as_str()), Collider { mass, shape, position, contact, rows })
         };
         self.colliders = saved.colliders.iter().map(collider).collect();

@@ -3,7 +3,7 @@
 use super::change::StepSpec;
 use super::clock::Clock;
 use super::error::{Check, SessionError};
-use super::orders::{Answer, Reply};
+use super::orders::{Answer, Reply, refuse};
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 
@@ -85,8 +85,19 @@ impl StepJob {
 }
 
 impl Simulation {
+    /// Begins a step after the changes that wait, or refuses it.
+    pub(super) fn step_after_changes(&mut self, step: StepSpec, answer: Answer<()>) {
+        if self.step.is_none() && self.held.count() > 0 {
+            self.between_ticks(answer, move |simulation, answer| {
+                simulation.begin_step(&step, answer);
+            });
+        } else {
+            self.begin_step(&step, answer);
+        }
+    }
+
     /// Begins a step, or refuses it.
-    pub(super) fn begin_step(&mut self, step: &StepSpec, answer: Answer<()>) {
+    fn begin_step(&mut self, step: &StepSpec, answer: Answer<()>) {
         let result = if !self.settings.paused {
             Err(SessionError::Conflict("a running session can't be stepped; pause it first".into()))
         } else if self.step.is_some() {
@@ -110,7 +121,11 @@ impl Simulation {
                 "the session is being stepped; wait for that".into(),
             ))));
         } else {
-            self.reset(saved, answer);
+            let rows = saved.map_or(0, Snapshot::object_rows);
+            match self.object_rows.try_take(rows) {
+                Ok(()) => self.reset(saved, answer),
+                Err(why) => refuse(answer, &why),
+            }
         }
     }
 }

@@ -130,12 +130,19 @@ impl Simulation {
         self.frame = turn.frame;
         let snow = self.falling.ticks_until_due(self.clock.tick(), self.snowing());
         let taken = if self.next.checkpoint { 0 } else { due.min(snow.unwrap_or(u64::MAX)) };
+        let passes = turn.sleep && self.is_resting();
         let cycles = match counts {
-            _ if turn.sleep && self.is_resting() => CYCLES_AT_REST,
+            _ if passes => CYCLES_AT_REST,
             true => self.portions.least(),
             false => self.portions.size(),
         };
-        let advance = self.clock.advance(taken, cycles);
+        let before = self.clock;
+        let mut advance = self.clock.advance(taken, cycles);
+        let parted = !passes && advance.run.cycles > self.portions.least();
+        self.answered_first = parted && !self.answered_first && self.answers_without_ticks();
+        if self.answered_first {
+            (self.clock, advance) = (before, Advance::default());
+        }
         self.owed = if counts { due - advance.ticks } else { 0 };
         advance
     }
@@ -144,6 +151,14 @@ impl Simulation {
     pub(super) fn fit_portions(&mut self, took: Duration) {
         let wanted = if self.replay.is_some() { REPLAY_TIME } else { FRAME_TIME };
         self.portions.fit(took, wanted);
+    }
+
+    /// Whether there is somebody to be answered in a frame without ticks. Snow that falls by itself goes
+    /// with the cycles after it, as it does when it falls again after a restart, unless there is a change
+    /// that says in the journal that it went without.
+    fn answers_without_ticks(&self) -> bool {
+        let waits = self.next.want_answers() && self.replay.is_none();
+        waits && (self.log.has_events() || self.next.edits.is_empty())
     }
 
     /// Takes in what a run found: whether the snow has settled, and since when.

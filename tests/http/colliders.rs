@@ -13,6 +13,7 @@ on_each_backend!(
     what_can_not_stand_there_is_refused,
     a_session_has_room_for_so_many,
     an_object_sinks_and_leaves_a_dent,
+    what_is_removed_and_put_again_sinks_from_where_it_stands,
 );
 
 fn plate(side: f64, x: f64, z: f64) -> Value {
@@ -219,5 +220,21 @@ async fn an_object_sinks_and_leaves_a_dent(backend: BackendChoice) {
     server.step(&path, 60).await;
     let after = server.heights(&path).await;
     assert!(at(&after, 5, 3) < at(&after, 0, 0) - 0.05, "the dent stays");
+    server.stop().await;
+}
+
+async fn what_is_removed_and_put_again_sinks_from_where_it_stands(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let path = server.create(small()).await;
+    let stone = named("stone", plate(0.6, 1.0, 0.7));
+    server.post(&format!("{path}/colliders"), stone.clone()).await.expect(201);
+    server.step(&path, 400).await;
+    let at = format!("{path}/colliders/stone");
+    let sunk = server.get(&at).await.expect(200);
+    assert!(sunk["sink_depth"].as_f64().unwrap() > 0.05, "{sunk}");
+    let batch = json!({"put": [stone], "delete": ["stone"]});
+    server.post(&format!("{path}/colliders:batch"), batch).await.expect(200);
+    let again = server.get(&at).await.expect(200);
+    assert_eq!((&again["sink_depth"], &again["bottom"]), (&json!(0.0), &sunk["bottom"]));
     server.stop().await;
 }

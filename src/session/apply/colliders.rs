@@ -102,16 +102,15 @@ impl Simulation {
         id: &Arc<str>,
         spec: &ColliderSpec,
     ) -> Option<(Arc<str>, Collider, Edit)> {
-        let mut collider = Collider {
+        let grid = &self.session.spec.grid;
+        let collider = Collider {
             mass: spec.mass,
             shape: spec.shape,
             position: spec.position,
             contact: Contact::default(),
-            rows: 0,
+            rows: words(&spec.shape, grid),
         };
-        let grid = &self.session.spec.grid;
         let placement = collider.check(check, at, id, grid)?;
-        collider.rows = words(&placement, grid);
         // A change of mass alone doesn't move an object: the depth it has sunk goes on counting.
         let placed = self
             .colliders

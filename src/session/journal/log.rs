@@ -12,7 +12,7 @@ use super::{Ack, Entry, Event, Identity, Mark, Record, Rest, Stored, Submission}
 /// Entries after which a checkpoint is due, however young the last is.
 const LONGEST_JOURNAL: u64 = 8192;
 
-/// Time after a checkpoint that failed before the next is tried where the journal is too long.
+/// Time after a checkpoint that failed before the next is tried.
 const RETRY: Duration = Duration::from_secs(1);
 
 /// What one session has to tell the journal.
@@ -39,6 +39,8 @@ pub(crate) struct Log {
     unmarked: bool,
     /// Since when the newest checkpoint is not the state any more.
     outdated: Option<Instant>,
+    /// Earliest time for the next, where one has failed.
+    not_before: Option<Instant>,
 }
 
 /// How far a session has come.
@@ -97,6 +99,11 @@ impl Log {
         self.events.push(event);
     }
 
+    /// Whether changes go with the next frame.
+    pub fn has_events(&self) -> bool {
+        !self.events.is_empty()
+    }
+
     /// Notes what came of a request that carries a key, with the change that it made.
     pub fn answered(&mut self, done: Done) {
         self.answered.push(Arc::new(done));
@@ -127,7 +134,7 @@ impl Log {
     pub fn checkpoint_due(&self, interval: Duration) -> Option<Instant> {
         let since = self.outdated?;
         if self.next - self.covered >= LONGEST_JOURNAL {
-            return since.checked_add(interval.min(RETRY));
+            return Some(since);
         }
         since.checked_add(interval)
     }
@@ -142,6 +149,12 @@ impl Log {
     pub fn uncover(&mut self, base: u64) {
         self.covered = base;
         self.outdate();
+        self.not_before = Instant::now().checked_add(RETRY);
+    }
+
+    /// When a checkpoint may be made that is wanted at some time: not at once after one that failed.
+    pub fn checkpoint_at(&self, wanted: Option<Instant>) -> Option<Instant> {
+        wanted.map(|wanted| self.not_before.map_or(wanted, |earliest| wanted.max(earliest)))
     }
 
     /// Notes that a checkpoint of the present state has been taken.

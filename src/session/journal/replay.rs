@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::session::change::Change;
 use crate::session::orders::MOST_EDITS;
+use crate::session::portion::Portions;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 
@@ -62,7 +63,9 @@ impl Simulation {
                 self.begin(origin.as_ref());
             }
         }
+        self.portions = Portions::for_replay();
         self.replay = Some(replay);
+        self.replays = true;
     }
 
     /// Takes what happened at this tick into the next frame.
@@ -119,6 +122,8 @@ impl Simulation {
         let done = replay.entries.is_empty() && self.clock.tick() >= replay.until;
         if done {
             self.replay = None;
+            self.replays = false;
+            self.portions.begin_anew();
             self.unpublished = true;
         }
         done

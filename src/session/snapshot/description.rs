@@ -9,7 +9,6 @@ use crate::session::clock::Clock;
 use crate::session::error::{Check, SessionError};
 use crate::session::falling::Falling;
 use crate::session::gather::Ledger;
-use crate::session::object_rows::words;
 use crate::session::simulation::Collider;
 use crate::session::spec::{Limits, SessionSpec};
 use crate::session::view::Settings;
@@ -48,11 +47,6 @@ impl SavedCollider {
     pub fn placement(&self, grid: &Grid) -> Option<Arc<Placement>> {
         let footprint = Footprint::new(grid, &self.shape, self.position)?;
         Some(Arc::new(Placement { mass: self.mass, footprint }))
-    }
-
-    /// What it takes in the device's tables.
-    pub fn rows(&self, grid: &Grid) -> u64 {
-        self.placement(grid).map_or(0, |placement| words(&placement, grid))
     }
 }
 

@@ -5,7 +5,9 @@ use std::time::{Duration, Instant};
 
 use tracing::{info, warn};
 
+use crate::session::error::SessionError;
 use crate::session::journal::Feedback;
+use crate::session::simulation::Simulation;
 
 use super::engine::Engine;
 
@@ -18,17 +20,22 @@ impl Engine {
     pub(super) fn finish(&mut self) {
         let Some(deadline) = self.stop.filter(|_| self.journal.durable) else { return };
         let began = Instant::now();
+        let why = SessionError::Unavailable("the server is stopping".to_owned());
+        // What is stored of sessions that panicked is right, and what is here is not.
+        for key in std::mem::take(&mut self.fallen) {
+            self.remove(key, &why);
+        }
         self.stand_still(deadline);
         self.mark_all();
-        let uncovered = self.simulations.iter_mut().filter(|(_, one)| !one.log.is_covered());
-        let mut left: Vec<u64> = uncovered.map(|(key, _)| key).collect();
+        let mut left = self.sound_ones(|simulation| !simulation.log.is_covered());
         let (count, mut made) = (left.len(), 0);
         while !left.is_empty() && Instant::now() < deadline && self.journal.refusal().is_none() {
-            let wave = self.next_to_save(&mut left);
+            let mut wave = self.next_to_save(&mut left);
             if let Err(failure) = self.carry_out_frame(false) {
                 warn!("no last checkpoints: {failure}");
                 break;
             }
+            wave.retain(|key| !self.fallen.contains(key));
             made += self.wait_for_checkpoints(wave, deadline);
         }
         info!("{made} of {count} last checkpoints after {:.1?}", began.elapsed());
@@ -44,17 +51,27 @@ impl Engine {
             simulation.end_step();
         }
         while Instant::now() < deadline {
-            let busy = self.simulations.iter_mut().filter(|(_, one)| one.has_orders());
-            let busy: Vec<u64> = busy.map(|(key, _)| key).collect();
+            let busy = self.sound_ones(Simulation::has_orders);
             if busy.is_empty() {
                 return;
             }
-            busy.into_iter().for_each(|key| self.simulations.set_active(key, true));
+            for key in busy {
+                self.guard(key, Simulation::release_held);
+                self.simulations.set_active(key, true);
+            }
             if let Err(failure) = self.carry_out_frame(false) {
                 warn!("runs were not ended: {failure}");
                 return;
             }
         }
+    }
+
+    /// Keys of the sessions of which something holds, those left out that panicked.
+    fn sound_ones(&mut self, holds: impl Fn(&Simulation) -> bool) -> Vec<u64> {
+        let fallen = &self.fallen;
+        let all = self.simulations.iter_mut();
+        let found = all.filter(|(key, simulation)| !fallen.contains(key) && holds(simulation));
+        found.map(|(key, _)| key).collect()
     }
 
     /// Has checkpoints made of some sessions in the next frame, and of no others.

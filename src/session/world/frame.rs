@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::engine::frame::{EngineError, Frame, Outcome, Work};
 use crate::parallel;
+use crate::session::error::SessionError;
 use crate::session::gather::MOST_SAMPLES;
 use crate::session::journal::Left;
 use crate::session::simulation::Simulation;
@@ -46,7 +47,8 @@ impl Engine {
             };
             time.parts.waiting = lap.next();
             time.published_tiles = outcome.published.count();
-            for done in conclude(part, outcome, time.parts.backend()) {
+            let refusal = self.journal.refusal();
+            for done in conclude(part, outcome, time.parts.backend(), refusal.as_ref()) {
                 match done.left {
                     Some(left) => {
                         time.checkpoints += u32::from(left.checkpoint.is_some());
@@ -114,12 +116,13 @@ struct Concluded {
     review: bool,
 }
 
-/// Lets simulations take in their outcomes, in the order of the frame's work. For most of them there
-/// is nothing to be done after that.
+/// Lets simulations take in their outcomes, in the order of the frame's work; changes that have waited
+/// for that are made, or refused. For most of them there is nothing to be done after that.
 fn conclude(
     part: Vec<&mut Simulation>,
     outcome: Outcome,
     took: Duration,
+    refusal: Option<&SessionError>,
 ) -> impl Iterator<Item = Concluded> + use<> {
     let published = &outcome.published;
     let concluded = parallel::each_pair(part, outcome.work, |simulation, work| {
@@ -128,7 +131,10 @@ fn conclude(
             let tiles = published.tiles(work.tiles.clone());
             simulation.conclude(work, tiles);
             let left = simulation.leave();
-            simulation.release_held();
+            match refusal {
+                Some(why) => simulation.refuse_held(why),
+                None => simulation.release_held(),
+            }
             left
         });
         let review = simulation.has_orders() || !simulation.wants_frames();

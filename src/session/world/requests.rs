@@ -46,14 +46,10 @@ impl Engine {
                 })?;
             }
             Message::Step { key, step, reply } => {
-                self.alter(key, reply, |sim, reply| sim.begin_step(&step, reply))?;
+                self.alter(key, reply, |sim, reply| sim.step_after_changes(step, reply))?;
             }
             Message::Reset { key, saved, reply } => {
-                self.alter(key, reply, move |sim, reply| {
-                    sim.between_ticks(reply, move |sim, reply| {
-                        sim.begin_reset(saved.as_deref(), reply);
-                    });
-                })?;
+                self.alter(key, reply, |sim, reply| sim.reset_between_ticks(saved, reply))?;
             }
             Message::Tokens { key, hashes, reply } => {
                 self.set_tokens(key, hashes, reply);
@@ -183,12 +179,12 @@ impl Engine {
             return Ok(());
         }
         let frame = self.frame;
-        let changes = self.guard(key, |simulation| {
+        let edits = self.guard(key, |simulation| {
             simulation.catch_up(frame);
             act(simulation, reply);
-            simulation.next.edits.len() + simulation.held.count()
+            simulation.next.edits.len()
         });
-        self.full |= changes.is_some_and(|changes| changes >= MOST_EDITS);
+        self.full |= edits.is_some_and(|edits| edits >= MOST_EDITS);
         self.review(key);
         Ok(())
     }

@@ -177,7 +177,13 @@ impl Engine {
         let mark = revival.mark();
         let Revival { session, stored, at_start, reads } = revival;
         let (key, slot) = (session.key, self.slots.take());
-        match self.backend.create(slot, &Simulation::layout(&session.spec)) {
+        let mut rows = ObjectRows::new(self.object_rows.clone());
+        let room = rows.try_take(snapshot.as_ref().map_or(0, Snapshot::object_rows));
+        let made = match room {
+            Ok(()) => self.backend.create(slot, &Simulation::layout(&session.spec)),
+            Err(why) => Err(EngineError::OutOfMemory(why.to_string())),
+        };
+        match made {
             Ok(()) => {}
             Err(EngineError::OutOfMemory(why)) => {
                 warn!(session = session.id, "it goes on hibernating: {why}");
@@ -199,7 +205,6 @@ impl Engine {
             let lost = log.lose(stored.mark.seq + 1, session.mirror().seq);
             session.set_lost_seqs(lost);
         }
-        let rows = ObjectRows::new(self.object_rows.clone());
         let mut simulation = Simulation::new(session, slot, self.frame, log, rows);
         simulation.brought_back = !at_start;
         self.simulations.insert(key, simulation);

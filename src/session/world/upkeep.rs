@@ -48,7 +48,7 @@ impl Engine {
 
     /// Begins a checkpoint, where one is due: one at a time, and none while it could not be stored. It is
     /// taken in a frame of its own before the next beat, so that no frame with cycles takes longer for it.
-    /// Returns whether one was begun.
+    /// Returns whether the coming frame is that one: a session in the middle of a run has it after that.
     pub(super) fn begin_checkpoint(&mut self) -> bool {
         let now = Instant::now();
         let free = self.checkpointing.is_none();
@@ -58,7 +58,8 @@ impl Engine {
         {
             self.save(key);
         }
-        free && self.checkpointing.is_some()
+        let begun = self.checkpointing.filter(|_| free).and_then(|key| self.simulations.get(&key));
+        begun.is_some_and(|simulation| !simulation.portions.are_under_way())
     }
 
     /// Notes when a session is to be looked at next.
@@ -71,7 +72,8 @@ impl Engine {
             let tired = after(now, idle_timeout_s, idle);
             let due = simulation.log.checkpoint_due(interval);
             self.ends.set(key, after(now, delete_after_s, idle));
-            self.saves.set(key, [tired, due].into_iter().flatten().min());
+            let wanted = [tired, due].into_iter().flatten().min();
+            self.saves.set(key, simulation.log.checkpoint_at(wanted));
         } else if let Some(session) = self.hibernating.get(&key) {
             let kept = session.mirror().settings.delete_after_s;
             self.ends.set(key, after(now, kept, session.idle_for()));

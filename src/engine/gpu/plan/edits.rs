@@ -75,7 +75,7 @@ impl Planner<'_> {
                     stressed.extend(old.iter().flat_map(|old| old.tiles.iter().copied()));
                     let contact = old
                         .map_or_else(|| self.tables.take_contact(self.device), |old| old.contact);
-                    let placed = placed || old.is_some_and(|old| old.placed);
+                    let placed = placed || old.is_none_or(|old| old.placed);
                     resident
                         .bodies
                         .insert(id, Body { placement: collider, contact, tiles, placed });
