@@ -248,9 +248,13 @@ impl Simulation {
 
     /// Whether nothing can move in any later tick, so that ticks pass by themselves.
     pub(super) fn is_resting(&self) -> bool {
+        self.settings.snowfall_rate == 0.0 && self.is_still()
+    }
+
+    /// Whether nothing can move in any tick until it is disturbed, by snow that falls too.
+    pub(super) fn is_still(&self) -> bool {
         let cycle = self.clock.steady_cycle();
-        self.settings.snowfall_rate == 0.0
-            && cycle.is_none_or(|dt| self.still && Some(dt) == self.last_dt)
+        cycle.is_none_or(|dt| self.still && Some(dt) == self.last_dt)
     }
 
     /// Whether its ticks pass by themselves: nothing moves, and its time goes on.

@@ -130,7 +130,7 @@ impl Simulation {
         self.frame = turn.frame;
         let snow = self.falling.ticks_until_due(self.clock.tick(), self.snowing());
         let taken = if self.next.checkpoint { 0 } else { due.min(snow.unwrap_or(u64::MAX)) };
-        let passes = turn.sleep && self.is_resting();
+        let passes = turn.sleep && self.is_still();
         let cycles = match counts {
             _ if passes => CYCLES_AT_REST,
             true => self.portions.least(),
