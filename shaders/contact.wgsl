@@ -81,7 +81,8 @@ fn contact(
 fn write_contact(collider: Collider, bottom: u32, support: vec2<u32>) {
     let old = contacts[collider.contact];
     let placed = (work.flags & AFTER_EDITS) != 0u && collider.placed != 0u;
-    let same = old.bottom == bottom && old.support_low == support.x && old.support_high == support.y;
+    let same = old.last_bottom == bottom && old.last_support_low == support.x
+        && old.last_support_high == support.y;
     let sum = f32(support.y) * 4294967296.0 + f32(support.x);
     let area = collider.area * (sum / (f32(collider.columns) * f32(CONTACT_DEPTH)));
     var fresh: Contact;
@@ -93,5 +94,13 @@ fn write_contact(collider: Collider, bottom: u32, support: vec2<u32>) {
     fresh.pressure = collider.weight / area;
     fresh.width = sqrt(area);
     fresh.resting = select(0u, 1u, same && !placed);
+    fresh.last_bottom = select(old.last_bottom, NONE, placed);
+    fresh.last_support_low = old.last_support_low;
+    fresh.last_support_high = old.last_support_high;
+    if collider.runs != 0u {
+        fresh.last_bottom = bottom;
+        fresh.last_support_low = support.x;
+        fresh.last_support_high = support.y;
+    }
     contacts[collider.contact] = fresh;
 }

@@ -12,7 +12,7 @@ const MASS_QUANTUM: f32 = 1.0 / 262144.0;
 const GRAVITY: f32 = 9.81;
 // Depth over which contact is soft, in elevation units.
 const CONTACT_DEPTH: u32 = 419430u;
-// A tile without a session.
+// A tile without a session; the bottom of an object that has been through no cycle.
 const NONE: u32 = 0xffffffffu;
 
 // Bits of a tile's state.
@@ -25,7 +25,7 @@ const LOADED: u32 = 1u << 31u;
 // Bits of Run.flags.
 const WAKE: u32 = 1u;
 const PUBLISH: u32 = 2u;
-const EDITED: u32 = 4u;  // contacts have been evaluated after the edits of this frame
+const EDITED: u32 = 4u;  // contacts have been evaluated for the first cycle, after edits
 const ALWAYS_AWAKE: u32 = 8u;
 
 // Bits of Pass.flags.
@@ -98,7 +98,8 @@ struct Collider {
     weight: f32,
     // Not 0 where the depth it has sunk is counted from this evaluation.
     placed: u32,
-    padding: u32,
+    // Not 0 where a cycle follows this evaluation.
+    runs: u32,
 }
 
 // How an object touches the snow.
@@ -111,8 +112,12 @@ struct Contact {
     pressure: f32,
     // Width b over which the load spreads [m].
     width: f32,
-    // Not 0 where the last evaluation found bottom and support as they were.
+    // Not 0 where bottom and support are those of the last cycle.
     resting: u32,
+    // Those of the last cycle; NONE for the bottom where there was none since it was placed.
+    last_bottom: u32,
+    last_support_low: u32,
+    last_support_high: u32,
 }
 
 // A tile and the objects that may stand on it, ascending by their ids.

@@ -137,10 +137,13 @@ impl Simulation {
     }
 
     /// Notes how the objects touch the snow.
+    /// Takes in how objects touch the snow. On snow that has settled all of them rest: cycles that
+    /// would find that are not carried out any more.
     fn take_contacts(&mut self, contacts: &[(Arc<str>, Contact)]) {
         for (id, contact) in contacts {
             if let Some(collider) = self.colliders.get_mut(id) {
-                collider.contact = *contact;
+                let resting = contact.resting || self.settled;
+                collider.contact = Contact { resting, ..*contact };
             }
         }
     }

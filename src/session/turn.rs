@@ -153,12 +153,9 @@ impl Simulation {
         self.portions.fit(took, wanted);
     }
 
-    /// Whether there is somebody to be answered in a frame without ticks. Snow that falls by itself goes
-    /// with the cycles after it, as it does when it falls again after a restart, unless there is a change
-    /// that says in the journal that it went without.
+    /// Whether there is somebody to be answered in a frame without ticks.
     fn answers_without_ticks(&self) -> bool {
-        let waits = self.next.want_answers() && self.replay.is_none();
-        waits && (self.log.has_events() || self.next.edits.is_empty())
+        self.next.want_answers() && self.replay.is_none()
     }
 
     /// Takes in what a run found: whether the snow has settled, and since when.

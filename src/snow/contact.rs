@@ -15,7 +15,17 @@ pub fn elevation(ground: u32, height: u32) -> u32 {
     ground + (height >> 1)
 }
 
-/// How an object touches the snow, as evaluated before a cycle.
+/// How high an object stands on the snow, and on how much of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Footing {
+    /// Elevation of the bottom, in elevation units.
+    pub bottom: u32,
+    /// Σ of the columns' shares s, in units of 1/`CONTACT_DEPTH`.
+    pub support: u64,
+}
+
+/// How an object touches the snow, as evaluated after edits and before every cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Contact {
@@ -29,8 +39,13 @@ pub struct Contact {
     pub area: f32,
     /// Pressure q \[Pa\] on the area in contact.
     pub pressure: f32,
-    /// Whether the last evaluation found what the one before had found.
+    /// Whether the footing is that of the last cycle.
     pub resting: bool,
+    /// Footing in the last cycle; none where there was none since the object was put there.
+    ///
+    /// What is evaluated is compared with it, not with the evaluation before: so it makes no
+    /// difference how often contact is evaluated between two cycles.
+    pub last_cycle: Option<Footing>,
 }
 
 impl Contact {
@@ -45,7 +60,12 @@ impl Contact {
         let full = u64::from(footprint.columns) * u64::from(CONTACT_DEPTH);
         let area = footprint.area as f32 * (support as f32 / full as f32);
         let pressure = (mass * GRAVITY) as f32 / area;
-        Contact { bottom, reference: bottom, support, area, pressure, resting: false }
+        Contact { bottom, reference: bottom, support, area, pressure, ..Contact::default() }
+    }
+
+    /// How high and on how much it stands.
+    pub fn footing(&self) -> Footing {
+        Footing { bottom: self.bottom, support: self.support }
     }
 }
 
@@ -91,5 +111,13 @@ mod tests {
         let terrain = 64 * (CELL / 2);
         assert_eq!(elevation(terrain, 255 * CELL), terrain + 255 * (CELL / 2));
         assert_eq!(elevation(7, 5), 9);
+    }
+
+    #[test]
+    fn a_contact_that_was_saved_without_its_last_cycle_is_read() {
+        let contact = Contact { bottom: 7, reference: 9, support: 5, ..Contact::default() };
+        let mut saved = serde_json::to_value(contact).unwrap();
+        assert!(saved.as_object_mut().unwrap().remove("last_cycle").is_some());
+        assert_eq!(serde_json::from_value::<Contact>(saved).unwrap(), contact);
     }
 }

@@ -12,7 +12,7 @@ mod sample;
 mod snowpack;
 
 pub use column::{Cell, Column, SurfaceLoad};
-pub use contact::{CONTACT_DEPTH, Contact, elevation, share, share_units};
+pub use contact::{CONTACT_DEPTH, Contact, Footing, elevation, share, share_units};
 pub use footprint::{Footprint, Position, Shape};
 pub use grid::{
     CELL, ColumnRect, Grid, MASS_QUANTA, MAX_COLUMN_MASS, MAX_TERRAIN_CELLS, TILE_COLUMNS,

@@ -160,15 +160,15 @@ impl Snowpack {
     }
 
     /// Evaluates contacts, and the stresses that have changed. It is due after edits; `run` does
-    /// it before every cycle. Returns whether a contact is not what it was before.
-    pub fn evaluate(&mut self) -> bool {
+    /// it before every cycle.
+    pub fn evaluate(&mut self) {
         let (tiles, always) = (&self.tiles, self.always_awake);
         for collider in self.colliders.values_mut() {
             if always || collider.changed || collider.tiles.iter().any(|&tile| tiles[tile].moved) {
                 collider.evaluate(tiles);
-            } else {
-                collider.contact.resting = true;
             }
+            let contact = &mut collider.contact;
+            contact.resting = contact.last_cycle == Some(contact.footing());
         }
         let colliders: Vec<&Collider> = self.colliders.values().collect();
         let (grid, material) = (&self.grid, &self.material);
@@ -179,10 +179,17 @@ impl Snowpack {
             }
             tile.moved = false;
         });
+        self.colliders.values_mut().for_each(|collider| collider.changed = false);
+    }
+
+    /// Evaluates contacts and stresses for a cycle. Returns whether a contact is not what it was in
+    /// the one before.
+    fn press(&mut self) -> bool {
+        self.evaluate();
         let mut restless = false;
-        for collider in self.colliders.values_mut() {
-            collider.changed = false;
-            restless |= !collider.contact.resting;
+        for Collider { contact, .. } in self.colliders.values_mut() {
+            contact.last_cycle = Some(contact.footing());
+            restless |= !contact.resting;
         }
         restless
     }
@@ -199,11 +206,11 @@ impl Snowpack {
             self.wake();
         }
         let mut last = 0;
-        let mut restless = self.evaluate();
+        let mut restless = self.press();
         last = last.max(self.compact(false, cycles));
         for cycle in 0..cycles {
             if cycle > 0 {
-                restless = self.evaluate();
+                restless = self.press();
             }
             let moved = self.compact(true, 1) > 0;
             if moved {
@@ -297,11 +304,10 @@ impl Collider {
         let old = self.contact;
         let mut new = Contact::evaluate(&self.footprint, self.mass, elevations);
         if !self.placed {
-            new.reference = old.reference;
-            new.resting = new.bottom == old.bottom && new.support == old.support;
+            (new.reference, new.last_cycle) = (old.reference, old.last_cycle);
         }
         self.placed = false;
-        self.changed |= !new.resting;
+        self.changed |= new.footing() != old.footing();
         self.contact = new;
     }
 }

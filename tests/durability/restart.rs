@@ -13,6 +13,7 @@ use crate::script::{Step, history, session};
 on_each_backend!(
     a_session_that_came_back_equals_its_twin,
     a_live_session_comes_back_to_a_state_of_its_own_past,
+    what_lived_through_a_kill_equals_a_twin_that_was_stepped,
     a_clean_stop_loses_nothing_at_all,
     changes_beside_long_ticks_come_back_where_they_were,
 );
@@ -92,6 +93,62 @@ async fn a_live_session_comes_back_to_a_state_of_its_own_past(backend: BackendCh
     server.post("/v1/sessions", session("twin")).await;
     server.post("/v1/sessions/twin/step", json!({ "ticks": now })).await;
     assert_eq!(digest(&server, "twin").await.0, ours);
+    server.kill().await;
+}
+
+/// Objects on snow that settles, and on snow that falls by itself, with a change while time goes on.
+/// The frames of such a session are cut wherever a beat or the kill comes, those of its twin are long.
+async fn what_lived_through_a_kill_equals_a_twin_that_was_stepped(backend: BackendChoice) {
+    let data = tempfile::tempdir().unwrap();
+    let options = ["--backend", name(backend), "--checkpoint-interval", "300ms"];
+    let spec = |id: &str, i: usize| {
+        let mut spec = session(id);
+        spec["tick_rate"] = json!([60, 45, 13][i % 3]);
+        spec["snowfall_rate"] = json!([60, 0, 3, 100][i % 4]);
+        spec
+    };
+    let paused = |paused: bool| (Method::PATCH, String::new(), json!({ "paused": paused }));
+    let put = async |server: &Process, id: &str, i: usize, object: &str| {
+        let path = format!("/v1/sessions/{id}/colliders/{object}");
+        let body = json!({"mass": 3 + 12 * i, "position": {"x": 2, "z": 1.8},
+            "shape": {"type": "disk", "radius": 0.5}});
+        let answered = server.send(Method::PUT, &path, Some(&body)).await;
+        answered.expect("it answers").1["tick"].as_u64().expect("a tick")
+    };
+    let sessions = 0..12;
+    let server = Process::ready(data.path(), &options).await;
+    for i in sessions.clone() {
+        let id = &format!("live-{i}");
+        server.post("/v1/sessions", spec(id, i)).await;
+        put(&server, id, i, "crate").await;
+        carry_out(&server, id, &[paused(false)]).await;
+    }
+    tokio::time::sleep(Duration::from_millis(400)).await;
+    let mut changed = Vec::new();
+    for i in sessions.clone() {
+        let id = &format!("live-{i}");
+        // A change to a session whose time goes on is answered once its frame has gone on as well.
+        carry_out(&server, id, &[paused(true)]).await;
+        changed.push(put(&server, id, i, "sledge").await);
+        carry_out(&server, id, &[paused(false)]).await;
+    }
+    tokio::time::sleep(Duration::from_millis(700)).await;
+    server.kill().await;
+
+    let server = Process::ready(data.path(), &options).await;
+    for (i, changed) in sessions.zip(changed) {
+        let (live, twin) = (&format!("live-{i}"), &format!("twin-{i}"));
+        carry_out(&server, live, &[paused(true)]).await;
+        let (ours, tick) = digest(&server, live).await;
+        let now = tick.as_u64().expect("a tick");
+        let step = |ticks: u64| (Method::POST, "/step".to_owned(), json!({ "ticks": ticks }));
+        server.post("/v1/sessions", spec(twin, i)).await;
+        put(&server, twin, i, "crate").await;
+        carry_out(&server, twin, &[step(changed)]).await;
+        put(&server, twin, i, "sledge").await;
+        carry_out(&server, twin, &[step(now - changed)]).await;
+        assert_eq!(digest(&server, twin).await.0, ours, "session {i} at tick {now}");
+    }
     server.kill().await;
 }
 

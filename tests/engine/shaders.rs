@@ -126,12 +126,24 @@ fn host_and_shaders_agree_on_every_struct() {
             area,
             weight,
             placed,
-            padding,
+            runs,
         }
     );
     compare_layout!(
         module,
-        Contact { bottom, reference, support_low, support_high, area, pressure, width, resting }
+        Contact {
+            bottom,
+            reference,
+            support_low,
+            support_high,
+            area,
+            pressure,
+            width,
+            resting,
+            last_bottom,
+            last_support_low,
+            last_support_high,
+        }
     );
     compare_layout!(module, LoadJob { tile, first_load, loads, padding });
     compare_layout!(module, EditJob { tile, first_operation, operations, padding });
@@ -165,6 +177,7 @@ fn shared_constants_are_the_same() {
         ("CELL", firn::snow::CELL),
         ("CONTACT_DEPTH", firn::snow::CONTACT_DEPTH),
         ("NONE", layout::NO_SESSION),
+        ("NONE", layout::NO_CYCLE),
         ("AWAKE", layout::AWAKE),
         ("DIRTY", layout::DIRTY),
         ("LOADED", layout::LOADED),

@@ -14,6 +14,7 @@ on_each_backend!(
     a_session_has_room_for_so_many,
     an_object_sinks_and_leaves_a_dent,
     what_is_removed_and_put_again_sinks_from_where_it_stands,
+    an_object_rests_on_settled_snow_however_it_was_stepped,
 );
 
 fn plate(side: f64, x: f64, z: f64) -> Value {
@@ -236,5 +237,27 @@ async fn what_is_removed_and_put_again_sinks_from_where_it_stands(backend: Backe
     server.post(&format!("{path}/colliders:batch"), batch).await.expect(200);
     let again = server.get(&at).await.expect(200);
     assert_eq!(again["sink_depth"], 0.0, "{again}");
+    server.stop().await;
+}
+
+async fn an_object_rests_on_settled_snow_however_it_was_stepped(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let mut ends = Vec::new();
+    for steps in [vec![1; 9], vec![9]] {
+        let mut hard = small();
+        hard["initial_snow"] = json!([{"depth": 1, "density": 100, "temperature": -20}]);
+        let path = server.create(hard).await;
+        let one = format!("{path}/colliders/plate");
+        let put = server.put(&one, plate(0.6, 1.0, 0.7)).await.expect(201);
+        assert_eq!(put["resting"], false, "no cycle has shown that it does");
+        for ticks in steps {
+            server.post(&format!("{path}/step"), json!({ "ticks": ticks })).await.expect(200);
+        }
+        let session = server.get(&path).await.expect(200);
+        assert_eq!(session["settled"], true);
+        assert_eq!(server.get(&one).await.expect(200)["resting"], true);
+        ends.push(server.get(&format!("{path}/digest")).await.expect(200)["digest"].clone());
+    }
+    assert_eq!(ends[0], ends[1]);
     server.stop().await;
 }

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::engine::frame::{Layout, Slot};
-use crate::snow::{CELL, Grid, Material, gold_prefactor};
+use crate::snow::{CELL, Footing, Grid, Material, gold_prefactor};
 
 use super::pages::Place;
 
@@ -11,7 +11,7 @@ use super::pages::Place;
 pub const WAKE: u32 = 1;
 /// `Run.flags`: changed tiles are to be packed.
 pub const PUBLISH: u32 = 2;
-/// `Run.flags`: contacts have been evaluated after the edits of this frame.
+/// `Run.flags`: contacts have been evaluated for the first cycle, after the edits of this frame.
 pub const EDITED: u32 = 4;
 /// `Run.flags`: no tile sleeps.
 pub const ALWAYS_AWAKE: u32 = 8;
@@ -33,6 +33,8 @@ pub const DEPOSIT: u32 = 0;
 pub const CLEAR: u32 = 1;
 /// `Tile.session` of a tile that no session owns.
 pub const NO_SESSION: u32 = u32::MAX;
+/// `Contact.last_bottom` of an object that has been through no cycle where it stands.
+pub const NO_CYCLE: u32 = u32::MAX;
 
 /// A snowpack's constants.
 #[repr(C)]
@@ -177,8 +179,8 @@ pub struct Collider {
     pub weight: f32,
     /// Not 0 where the depth it has sunk is counted from this evaluation.
     pub placed: u32,
-    /// Fills the row.
-    pub padding: u32,
+    /// Not 0 where a cycle follows this evaluation.
+    pub runs: u32,
 }
 
 /// How an object touches the snow.
@@ -199,12 +201,20 @@ pub struct Contact {
     pub pressure: f32,
     /// Width b over which the load spreads \[m\].
     pub width: f32,
-    /// Not 0 where the last evaluation found what the one before had found.
+    /// Not 0 where bottom and support are those of the last cycle.
     pub resting: u32,
+    /// Bottom in the last cycle; `NO_CYCLE` where there was none since it was placed.
+    pub last_bottom: u32,
+    /// Σ of shares in the last cycle, low word.
+    pub last_support_low: u32,
+    /// Σ of shares in the last cycle, high word.
+    pub last_support_high: u32,
 }
 
 impl From<&crate::snow::Contact> for Contact {
     fn from(contact: &crate::snow::Contact) -> Self {
+        let none = Footing { bottom: NO_CYCLE, support: 0 };
+        let last_cycle = contact.last_cycle.unwrap_or(none);
         Contact {
             bottom: contact.bottom,
             reference: contact.reference,
@@ -214,12 +224,17 @@ impl From<&crate::snow::Contact> for Contact {
             pressure: contact.pressure,
             width: contact.area.sqrt(),
             resting: u32::from(contact.resting),
+            last_bottom: last_cycle.bottom,
+            last_support_low: last_cycle.support as u32,
+            last_support_high: (last_cycle.support >> 32) as u32,
         }
     }
 }
 
 impl From<Contact> for crate::snow::Contact {
     fn from(row: Contact) -> Self {
+        let support = join(row.last_support_low, row.last_support_high);
+        let last_cycle = Footing { bottom: row.last_bottom, support };
         crate::snow::Contact {
             bottom: row.bottom,
             reference: row.reference,
@@ -227,6 +242,7 @@ impl From<Contact> for crate::snow::Contact {
             area: row.area,
             pressure: row.pressure,
             resting: row.resting != 0,
+            last_cycle: Some(last_cycle).filter(|footing| footing.bottom != NO_CYCLE),
         }
     }
 }

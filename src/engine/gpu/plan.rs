@@ -36,7 +36,7 @@ pub struct Planner<'a> {
     pub arena: &'a Arena,
     /// Where the rows go.
     pub tables: &'a mut Tables,
-    /// Snowpacks whose contacts have been evaluated in this frame.
+    /// Snowpacks whose contacts have been evaluated for the first cycle of this frame.
     pub evaluated: &'a mut BTreeSet<Slot>,
     /// Whether every cycle is a dispatch of its own.
     pub one_by_one: bool,
@@ -47,8 +47,16 @@ pub struct Planner<'a> {
     pub dispatches: Vec<Dispatch>,
 }
 
-/// Edits of one snowpack in one round, each with its row in the table of results.
-pub type Round = Vec<(u32, Edit)>;
+/// Edits of one snowpack in one round.
+#[derive(Debug)]
+pub struct Round {
+    /// The snowpack.
+    pub slot: Slot,
+    /// The edits, each with its row in the table of results.
+    pub edits: Vec<(u32, Edit)>,
+    /// Whether cycles follow them, with no edits in between.
+    pub runs: bool,
+}
 
 impl Planner<'_> {
     fn dispatch(&mut self, kernel: KernelId, page: u32, pass: Pass, groups: u32) {

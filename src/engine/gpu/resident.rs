@@ -78,10 +78,12 @@ impl Resident {
         self.lot.places[tile as usize].page
     }
 
-    /// Rows of its objects, in ascending order of ids; `first_span` counts the spans before them.
+    /// Rows of its objects, in ascending order of ids. `runs` says whether a cycle follows the
+    /// evaluation that they are for; `first_span` counts the spans before them.
     pub fn collider_rows(
         &self,
         slot: Slot,
+        runs: bool,
         first_span: u32,
     ) -> (Vec<layout::Collider>, Vec<[u32; 2]>) {
         let mut spans = Vec::new();
@@ -102,7 +104,7 @@ impl Resident {
                 area: footprint.area as f32,
                 weight: (body.placement.mass * GRAVITY) as f32,
                 placed: u32::from(body.placed),
-                padding: 0,
+                runs: u32::from(runs),
             });
             spans.extend(footprint.spans.iter().map(|&(x0, x1)| [x0, x1]));
         }

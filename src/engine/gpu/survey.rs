@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::engine::frame::{Edit, EngineError, Frame, SampleBox, Slot, Work};
+use crate::engine::frame::{Edit, EngineError, Frame, SampleBox, Work};
 use crate::parallel;
 
 use super::plan::Round;
@@ -14,7 +14,7 @@ use super::resident::{self, LARGEST_ROUND, Residents};
 #[derive(Debug, Default)]
 pub struct Survey {
     /// The edits, round by round, each with its number in the frame.
-    pub rounds: Vec<Vec<(Slot, Round)>>,
+    pub rounds: Vec<Vec<Round>>,
     /// Rows that each of them takes, about.
     rows: Vec<u64>,
     /// What each work is about.
@@ -114,7 +114,8 @@ impl Survey {
     fn take_edits(&mut self, work: &mut Work, number: u32) {
         let edits: Vec<(u32, Edit)> = (number..).zip(std::mem::take(&mut work.edits)).collect();
         let mut next = 0;
-        for (round, rows) in resident::rounds(edits) {
+        let mut rounds = resident::rounds(edits).into_iter().peekable();
+        while let Some((edits, rows)) = rounds.next() {
             while self.rows.get(next).is_some_and(|taken| taken + rows > LARGEST_ROUND) {
                 next += 1;
             }
@@ -122,7 +123,8 @@ impl Survey {
                 self.rounds.push(Vec::new());
                 self.rows.push(0);
             }
-            self.rounds[next].push((work.slot, round));
+            let runs = work.run.cycles > 0 && rounds.peek().is_none();
+            self.rounds[next].push(Round { slot: work.slot, edits, runs });
             self.rows[next] += rows;
             next += 1;
         }

@@ -37,8 +37,6 @@ pub(crate) enum Event {
 pub(crate) struct Entry {
     /// Tick at which it happened.
     pub tick: u64,
-    /// Whether cycles followed in the same frame.
-    pub ran: bool,
     pub events: Vec<Event>,
 }
 

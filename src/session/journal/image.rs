@@ -220,7 +220,7 @@ mod tests {
     }
 
     fn entry(number: u64) -> Record {
-        Record::Entry(number, Arc::new(Entry { tick: 0, ran: false, events: Vec::new() }))
+        Record::Entry(number, Arc::new(Entry { tick: 0, events: Vec::new() }))
     }
 
     fn checkpoint(base: u64) -> Record {

@@ -99,11 +99,6 @@ impl Log {
         self.events.push(event);
     }
 
-    /// Whether changes go with the next frame.
-    pub fn has_events(&self) -> bool {
-        !self.events.is_empty()
-    }
-
     /// Notes what came of a request that carries a key, with the change that it made.
     pub fn answered(&mut self, done: Done) {
         self.answered.push(Arc::new(done));
@@ -173,12 +168,12 @@ impl Log {
     }
 
     /// What the last frame left to be made durable.
-    fn take(&mut self, key: u64, progress: Progress, ran: bool) -> Submission {
+    fn take(&mut self, key: u64, progress: Progress) -> Submission {
         let mut records = Vec::with_capacity(3);
         records.extend(self.create.take());
         if !self.events.is_empty() {
             let events = std::mem::take(&mut self.events);
-            let entry = Entry { tick: self.tick, ran, events };
+            let entry = Entry { tick: self.tick, events };
             records.push(Record::Entry(self.next, Arc::new(entry)));
             self.next += 1;
         }
@@ -227,7 +222,7 @@ impl Simulation {
         let ran = self.flight.advance.run.cycles > 0;
         let submission = self.log.has_news(ran).then(|| {
             let progress = self.progress();
-            self.log.take(self.session.key, progress, ran)
+            self.log.take(self.session.key, progress)
         });
         let checkpoint = self.log.taken.take().map(|taken| {
             self.log.cover();

@@ -3,7 +3,6 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::session::change::Change;
 use crate::session::orders::MOST_EDITS;
 use crate::session::portion::Portions;
 use crate::session::simulation::Simulation;
@@ -21,8 +20,8 @@ pub(crate) struct Replay {
     restores: bool,
     /// The mirror is to show what is restored, as what was published when it was saved.
     mirrors: bool,
-    /// No cycle follows the edits of this frame.
-    alone: bool,
+    /// More happened at this tick than the next frame takes.
+    parted: bool,
 }
 
 impl Replay {
@@ -34,13 +33,13 @@ impl Replay {
             until: stored.mark.tick,
             restores: true,
             mirrors: mirrors && stored.checkpoint.is_some(),
-            alone: true,
+            parted: false,
         }
     }
 
     /// Ticks to be taken after a tick.
     pub fn due(&self, tick: u64) -> u64 {
-        if self.restores || self.alone {
+        if self.restores || self.parted {
             return 0;
         }
         let until = self.entries.front().map_or(self.until, |entry| entry.tick);
@@ -68,34 +67,25 @@ impl Simulation {
         self.replays = true;
     }
 
-    /// Takes what happened at this tick into the next frame.
-    ///
-    /// Contacts remember whether an evaluation found them as the one before had: with objects on
-    /// the snow, frames are repeated one by one. Without them, edits of one tick may share one.
+    /// Takes what happened at this tick into the next frame, whatever frames it came in.
     pub(in crate::session) fn feed_replay(&mut self) {
         let Some(mut replay) = self.replay.take() else { return };
         if replay.restores || self.portions.are_under_way() {
             self.replay = Some(replay);
             return;
         }
-        replay.alone = false;
-        let mut fed = false;
+        replay.parted = false;
         while let Some(entry) = replay.entries.front().cloned() {
-            let counted = !self.colliders.is_empty() || entry.events.iter().any(moves_objects);
-            let full = self.next.edits.len() >= MOST_EDITS;
-            if entry.tick > self.clock.tick() || full || (counted && fed) {
-                // What is left over at this tick comes before the next cycle.
-                replay.alone |= entry.tick <= self.clock.tick();
+            if entry.tick > self.clock.tick() {
+                break;
+            }
+            if self.next.edits.len() >= MOST_EDITS {
+                replay.parted = true;
                 break;
             }
             replay.entries.pop_front();
             for event in &entry.events {
                 self.repeat(event);
-            }
-            fed = true;
-            if counted {
-                replay.alone = !entry.ran;
-                break;
             }
         }
         self.replay = Some(replay);
@@ -118,7 +108,6 @@ impl Simulation {
         }
         let Some(replay) = &mut self.replay else { return true };
         replay.restores = false;
-        replay.alone = false;
         let done = replay.entries.is_empty() && self.clock.tick() >= replay.until;
         if done {
             self.replay = None;
@@ -127,20 +116,5 @@ impl Simulation {
             self.unpublished = true;
         }
         done
-    }
-}
-
-fn moves_objects(event: &Event) -> bool {
-    let Event::Change(change) = event else { return true };
-    match change {
-        Change::Snowfall(_)
-        | Change::Clearing(_)
-        | Change::AirTemperature(_)
-        | Change::Settings(_) => false,
-        Change::CreateCollider(_)
-        | Change::PutCollider(_)
-        | Change::PatchCollider { .. }
-        | Change::DeleteCollider { .. }
-        | Change::Colliders(_) => true,
     }
 }

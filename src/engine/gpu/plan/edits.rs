@@ -26,12 +26,12 @@ struct Edited {
 impl Planner<'_> {
     /// Plans the edits of one round of all snowpacks: snow falls, then contacts and stresses are
     /// evaluated.
-    pub fn edits(&mut self, residents: &mut Residents, rounds: Vec<(Slot, Round)>) {
+    pub fn edits(&mut self, residents: &mut Residents, rounds: Vec<Round>) {
         let first_collider = self.tables.orders.colliders.len();
         let mut edited = Edited::default();
-        for (slot, round) in rounds {
-            if let Some(resident) = residents.get_mut(slot) {
-                self.edit(slot, resident, round, &mut edited);
+        for round in rounds {
+            if let Some(resident) = residents.get_mut(round.slot) {
+                self.edit(resident, round, &mut edited);
             }
         }
         let jobs = by_page(edited.edit_jobs);
@@ -52,13 +52,14 @@ impl Planner<'_> {
         }
     }
 
-    fn edit(&mut self, slot: Slot, resident: &mut Resident, round: Round, edited: &mut Edited) {
+    fn edit(&mut self, resident: &mut Resident, round: Round, edited: &mut Edited) {
+        let Round { slot, edits, runs } = round;
         // Tiles with the operations that touch them.
         let mut snowed: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         let mut stressed = BTreeSet::new();
         let mut moved = false;
-        let evaluates = round.iter().any(|(_, edit)| !matches!(edit, Edit::Restore(_)));
-        for (result, edit) in round {
+        let evaluates = edits.iter().any(|(_, edit)| !matches!(edit, Edit::Restore(_)));
+        for (result, edit) in edits {
             match edit {
                 Edit::Deposit(deposit) => {
                     let snow = deposited(&deposit);
@@ -107,15 +108,16 @@ impl Planner<'_> {
         }
         if !evaluates {
             // What is restored is left as it was saved; the next cycle evaluates it.
-            self.evaluated.remove(&slot);
             return;
         }
-        self.evaluated.insert(slot);
+        if runs {
+            self.evaluated.insert(slot);
+        }
         stressed.extend(snowed.keys().copied());
         self.edit_jobs(resident, snowed, &mut edited.edit_jobs);
         stressed.extend(resident.loads.keys().copied());
         edited.colliders += resident.bodies.len() as u32;
-        self.load_jobs(slot, resident, stressed.into_iter(), &mut edited.load_jobs);
+        self.load_jobs(slot, resident, runs, stressed.into_iter(), &mut edited.load_jobs);
         resident.bodies.values_mut().for_each(|body| body.placed = false);
     }
 
@@ -186,16 +188,17 @@ impl Planner<'_> {
     }
 
     /// Adds a snowpack's objects to the tables, and jobs that evaluate the stress of some of its
-    /// tiles under them.
+    /// tiles under them; `runs` says whether a cycle follows that.
     pub(super) fn load_jobs(
         &mut self,
         slot: Slot,
         resident: &Resident,
+        runs: bool,
         tiles: impl Iterator<Item = u32>,
         jobs: &mut Vec<(u32, LoadJob)>,
     ) {
         let first_collider = self.tables.orders.colliders.len();
-        let (colliders, spans) = resident.collider_rows(slot, self.tables.orders.spans.len());
+        let (colliders, spans) = resident.collider_rows(slot, runs, self.tables.orders.spans.len());
         self.tables.orders.colliders.extend(colliders);
         self.tables.orders.spans.extend(spans);
         for tile in tiles {

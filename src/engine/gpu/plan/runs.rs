@@ -144,7 +144,7 @@ impl Planner<'_> {
         let mut pages: BTreeMap<u32, Vec<(u32, LoadJob)>> = BTreeMap::new();
         for &(cycles, slot, resident) in &running {
             let mut own = Vec::new();
-            self.load_jobs(slot, resident, resident.loads.keys().copied(), &mut own);
+            self.load_jobs(slot, resident, true, resident.loads.keys().copied(), &mut own);
             objects.extend(std::iter::repeat_n(cycles, resident.bodies.len()));
             for (page, job) in own {
                 pages.entry(page).or_default().push((cycles, job));
