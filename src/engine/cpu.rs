@@ -66,8 +66,9 @@ impl CpuBackend {
             // The depth an object sinks counts from where it was put, not from later snow.
             if put && matches!(edit, Edit::Deposit(_) | Edit::Clear { .. }) {
                 snowpack.evaluate();
+                put = false;
             }
-            put = matches!(edit, Edit::PutCollider { .. });
+            put |= matches!(edit, Edit::PutCollider { .. });
             edits.push(apply(snowpack, edit));
         }
         if work.wake {
