@@ -102,7 +102,11 @@ pub(super) async fn ask<T>(
         if world.is_closed() {
             return Err(stopped());
         }
-        Err(SessionError::Internal("handling the request failed and ended the session".to_owned()))
+        Err(SessionError::Internal(
+            "handling the request failed; the session goes back to what is stored: read it before \
+             the request is sent again"
+                .to_owned(),
+        ))
     })
 }
 

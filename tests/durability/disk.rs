@@ -22,6 +22,8 @@ pub enum Failing {
     ReadOnly,
     /// What was written is there, but nobody can say for how long.
     NoSync,
+    /// Whoever writes panics.
+    Panic,
 }
 
 /// A disk with one file. Clones are the same.
@@ -111,12 +113,14 @@ impl Disk {
     }
 
     fn change(&self, operation: Operation) -> io::Result<()> {
-        let mut state = self.state();
-        match state.failing {
+        let failing = self.state().failing;
+        match failing {
             Some(Failing::Full) => return Err(ErrorKind::StorageFull.into()),
             Some(Failing::ReadOnly) => return Err(ErrorKind::ReadOnlyFilesystem.into()),
+            Some(Failing::Panic) => panic!("the disk has no manners"),
             Some(Failing::NoSync) | None => {}
         }
+        let mut state = self.state();
         operation.apply(&mut state.bytes);
         state.unsynced.push(operation);
         Ok(())

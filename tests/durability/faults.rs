@@ -5,6 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use firn::config::BackendChoice;
+use firn::session::Durability;
+use firn::store::{Loaded, Store, StoreError, Write};
 use reqwest::{Client as Http, Method};
 use serde_json::{Value, json};
 
@@ -104,7 +106,7 @@ async fn a_disk_that_fails_refuses_changes_and_nothing_else(backend: BackendChoi
         assert!(reply.status < 300, "{at}");
     }
     let fall = json!({"depth": 0.1});
-    for failing in [Failing::Full, Failing::ReadOnly, Failing::NoSync] {
+    for failing in [Failing::Full, Failing::ReadOnly, Failing::NoSync, Failing::Panic] {
         let live = json!({"grid": {"width": 9, "depth": 9, "height": 40, "cell_size": 0.2},
             "time_scale": 0.1, "initial_snow": [{"depth": 7}]});
         let live = server.create(live).await;
@@ -160,6 +162,50 @@ async fn a_disk_that_fails_refuses_changes_and_nothing_else(backend: BackendChoi
     server.stop().await;
     server = start(backend, &disk).await;
     assert_eq!(seen(&server, &path).await, after);
+    server.stop().await;
+}
+
+/// A store in the commits of which its thread can be made to die.
+#[derive(Debug)]
+struct Mortal {
+    store: Box<dyn Store>,
+    dies: Arc<AtomicBool>,
+}
+
+impl Store for Mortal {
+    fn load(&mut self) -> Result<Loaded, StoreError> {
+        self.store.load()
+    }
+
+    fn commit(&mut self, writes: &[Write]) -> Result<(), StoreError> {
+        assert!(!self.dies.load(Ordering::SeqCst), "the thread dies here");
+        self.store.commit(writes)
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn changes_are_refused_where_the_thread_that_stores_them_has_died() {
+    let disk = Disk::default();
+    let dies = Arc::new(AtomicBool::new(false));
+    let durability = disk.durability(Duration::from_secs(60));
+    let store = Box::new(Mortal { store: durability.store, dies: dies.clone() });
+    let durability = Durability { store, ..durability };
+    let server = Server::start_stored(BackendChoice::Cpu, Options::default(), durability).await;
+    let path = server.create(small()).await;
+    let falls = format!("{path}/snowfalls");
+    server.post(&falls, json!({"depth": 0.1})).await.expect(200);
+    let before = seen(&server, &path).await;
+    dies.store(true, Ordering::SeqCst);
+    server.post(&falls, json!({"depth": 0.1})).await.problem(500);
+    for _ in 0..3 {
+        let refused = server.post(&falls, json!({"depth": 0.1})).await.problem(503);
+        assert!(refused["detail"].as_str().unwrap().contains("restart"), "{refused}");
+    }
+    server.get(&format!("{path}/heights")).await.expect(200);
+    assert!(!server.sessions.vitals().store.is_healthy(), "whoever watches is told");
+    server.stop().await;
+    let server = start(BackendChoice::Cpu, &disk).await;
+    assert_eq!(seen(&server, &path).await, before, "what was acknowledged is there, and no more");
     server.stop().await;
 }
 
