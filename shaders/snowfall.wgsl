@@ -28,12 +28,14 @@ struct Cell {
     temperature: f32,
 }
 
-// A column while it is worked on: its first cell, its slots, how many are filled, and the topmost
-// cell, which is stored when another one is laid on it, and in the end.
+// A column while it is worked on: its first cell, its slots, how many are filled, the thickness of
+// all of them together, and the topmost cell, which is stored when another one is laid on it, and in
+// the end.
 struct Column {
     base: u32,
     slots: u32,
     cells: u32,
+    height: u32,
     top: Cell,
 }
 
@@ -126,6 +128,7 @@ fn top_up(column: ptr<function, Column>, fall: ptr<function, Fall>) {
     }
     let piece = min((*fall).depth, CELL - cell.thickness);
     add(&cell, take(fall, piece), piece, (*fall).temperature);
+    (*column).height += piece;
     (*column).top = cell;
 }
 
@@ -145,6 +148,7 @@ fn open_cells(column: ptr<function, Column>, fall: ptr<function, Fall>) {
         }
         store_top(column);
         (*column).top = Cell(taken, piece, (*fall).temperature);
+        (*column).height += piece;
         (*column).cells++;
     }
 }
@@ -273,6 +277,7 @@ fn clear(column: ptr<function, Column>, depth: u32) -> u32 {
     var left = depth;
     var cleared = 0u;
     var kept_cells = 0u;
+    var height = 0u;
     for (var slot = 0u; slot < (*column).cells; slot++) {
         var cell = load_cell(base, slot);
         let kept = min(cell.thickness, left);
@@ -288,10 +293,12 @@ fn clear(column: ptr<function, Column>, depth: u32) -> u32 {
         }
         if cell.mass > 0u {
             kept_cells = slot + 1u;
+            height += cell.thickness;
         }
     }
     empty_slots(base, kept_cells, (*column).cells);
     (*column).cells = kept_cells;
+    (*column).height = height;
     load_top(column);
     return cleared;
 }
@@ -327,6 +334,7 @@ fn do_lightly(column: ptr<function, Column>, position: vec2<u32>, index: u32) ->
         return false;
     }
     add(&cell, fall.mass, fall.depth, fall.temperature);
+    (*column).height += fall.depth;
     (*column).top = cell;
     return true;
 }
@@ -359,7 +367,8 @@ fn snowfall(
     let position = column_position(session, job.tile, thread);
     let place = job.tile * TILE_COLUMNS + thread;
     let base = tile.row * TILE_COLUMNS + thread;
-    var column = Column(base, session.height, filled[place], Cell(0u, 0u, 0.0));
+    var column =
+        Column(base, session.height, filled[place], heights[place], Cell(0u, 0u, 0.0));
     load_top(&column);
 
     let end = job.first_operation + job.operations;
@@ -375,12 +384,8 @@ fn snowfall(
     }
     store_top(&column);
 
-    var height = 0u;
-    for (var slot = 0u; slot < column.cells; slot++) {
-        height += thickness[cell_index(base, slot)];
-    }
     filled[place] = column.cells;
-    heights[place] = height;
+    heights[place] = column.height;
     if thread == 0u {
         atomicOr(&states[job.tile], AWAKE | DIRTY);
     }

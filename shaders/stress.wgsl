@@ -62,15 +62,17 @@ struct Cells {
 }
 
 // The topmost of the lowest `count` cells of a column, from above; the lowest again where they are
-// fewer than four.
-fn load(row: u32, count: u32, column: u32) -> Cells {
+// fewer than four. How thick they are matters under loads alone.
+fn load(row: u32, count: u32, column: u32, loaded: bool) -> Cells {
     let top = vec4(max(count, 1u) - 1u);
     let i = (row + top - min(top, vec4(0u, 1u, 2u, 3u))) * TILE_COLUMNS + column;
-    return Cells(
-        vec4(mass[i.x], mass[i.y], mass[i.z], mass[i.w]),
-        vec4(thickness[i.x], thickness[i.y], thickness[i.z], thickness[i.w]),
-        vec4(stress[i.x], stress[i.y], stress[i.z], stress[i.w]),
-    );
+    var cells: Cells;
+    cells.mass = vec4(mass[i.x], mass[i.y], mass[i.z], mass[i.w]);
+    if loaded {
+        cells.thickness = vec4(thickness[i.x], thickness[i.y], thickness[i.z], thickness[i.w]);
+    }
+    cells.stress = vec4(stress[i.x], stress[i.y], stress[i.z], stress[i.w]);
+    return cells;
 }
 
 @compute @workgroup_size(64)
@@ -112,10 +114,11 @@ fn evaluate_stress(
     var above = 0u;
     var changed = false;
     let cells = filled[place];
-    var below = load(row.row, cells, column);
+    let loaded = job.loads > 0u;
+    var below = load(row.row, cells, column, loaded);
     for (var first = 0u; first < cells; first += AT_ONCE) {
         let here = below;
-        below = load(row.row, cells - min(cells, first + AT_ONCE), column);
+        below = load(row.row, cells - min(cells, first + AT_ONCE), column, loaded);
         for (var i = 0u; i < AT_ONCE && first + i < cells; i++) {
             let rank = first + i;
             sum += here.mass[i];

@@ -44,6 +44,8 @@ impl GpuBackend {
         let always_awake = self.always_awake;
         let (mut planner, residents) = self.planner(&mut evaluated);
         planner.edits(residents, last);
+        let weighing = frame.work.iter().zip(&parts).filter(|(_, part)| part.weighs);
+        planner.weigh(residents, weighing.map(|(work, _)| work.slot));
         planner.set_runs(&frame.work, always_awake);
         let loaded = frame.work.iter().zip(&parts).filter(|(_, part)| part.may_be_loaded);
         planner.runs(residents, &frame.work, loaded.map(|(work, _)| work), &totals);

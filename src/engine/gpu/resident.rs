@@ -51,6 +51,9 @@ pub struct Resident {
     pub bodies: BTreeMap<Arc<str>, Body>,
     /// For each tile under an object the objects on it, by their rank among `bodies`.
     pub loads: BTreeMap<u32, Vec<u32>>,
+    /// Tiles under no object whose snow was edited, and whose stress has not been evaluated since:
+    /// nothing has needed it.
+    pub unweighed: BTreeSet<u32>,
 }
 
 /// An object on the device.
@@ -70,7 +73,8 @@ impl Resident {
     /// A snowpack without objects.
     pub fn new(lot: Lot, layout: Layout) -> Resident {
         let row = layout::Session::new(&layout, lot.tiles.start);
-        Resident { lot, layout, row, bodies: BTreeMap::new(), loads: BTreeMap::new() }
+        let (bodies, loads, unweighed) = Default::default();
+        Resident { lot, layout, row, bodies, loads, unweighed }
     }
 
     /// Page of one of its tiles.

@@ -6,7 +6,7 @@ use crate::engine::frame::{Edit, EngineError, Frame, SampleBox, Work};
 use crate::parallel;
 
 use super::plan::Round;
-use super::resident::{self, LARGEST_ROUND, Residents};
+use super::resident::{self, LARGEST_ROUND, Resident, Residents};
 
 /// What the work of a frame amounts to.
 ///
@@ -32,6 +32,8 @@ pub struct Part {
     pub tiles: Range<u32>,
     /// Whether there may be objects on the snowpack.
     pub may_be_loaded: bool,
+    /// Whether stresses are needed that may not have been evaluated yet.
+    pub weighs: bool,
 }
 
 /// How much the work of a frame is.
@@ -59,6 +61,23 @@ pub struct Totals {
     pub contacts: bool,
 }
 
+/// What is to be known of a snowpack.
+struct Found {
+    loaded: bool,
+    unweighed: bool,
+}
+
+impl Found {
+    fn new(resident: &Resident) -> Found {
+        Found { loaded: !resident.bodies.is_empty(), unweighed: !resident.unweighed.is_empty() }
+    }
+}
+
+/// Whether cycles are run, or cells are read with their stresses.
+fn needs_stress(work: &Work) -> bool {
+    work.run.cycles > 0 || !work.gather.is_empty() || !work.samples.is_empty()
+}
+
 impl Survey {
     /// Looks through the work of a frame, and takes the edits out of it.
     ///
@@ -67,29 +86,31 @@ impl Survey {
     pub fn new(frame: &mut Frame, residents: &Residents) -> Result<Survey, EngineError> {
         let look = |work: &Work| {
             let resident = residents.get(work.slot)?;
-            Some((resident.lot.tiles.clone(), !resident.bodies.is_empty()))
+            Some((resident.lot.tiles.clone(), Found::new(resident)))
         };
         let found = parallel::each(frame.work.iter().collect(), look);
         let mut survey =
             Survey { parts: Vec::with_capacity(frame.work.len()), ..Survey::default() };
         for (work, found) in frame.work.iter_mut().zip(found) {
-            let (tiles, loaded) = found.ok_or_else(|| {
+            let (tiles, found) = found.ok_or_else(|| {
                 let what = format!("a frame has work for slot {}, which is empty", work.slot);
                 EngineError::DeviceFailed(what)
             })?;
-            survey.take(work, tiles, loaded);
+            survey.take(work, tiles, found);
         }
         Ok(survey)
     }
 
-    fn take(&mut self, work: &mut Work, tiles: Range<u32>, loaded: bool) {
+    fn take(&mut self, work: &mut Work, tiles: Range<u32>, found: Found) {
         let totals = &mut self.totals;
         let first = totals.edits;
         totals.edits += work.edits.len() as u32;
         totals.work += 1;
         totals.wakes |= work.wake;
         totals.tally |= work.tally;
-        let may_be_loaded = loaded || !work.edits.is_empty();
+        let edited = !work.edits.is_empty();
+        let may_be_loaded = found.loaded || edited;
+        let weighs = (found.unweighed || edited) && needs_stress(work);
         if work.publish {
             let own = tiles.start / 64..tiles.end.div_ceil(64);
             totals.groups = match &totals.groups {
@@ -104,8 +125,8 @@ impl Survey {
             totals.cycles = totals.cycles.max(work.run.cycles);
             totals.running += tiles.len();
         }
-        self.parts.push(Part { edits: first..totals.edits, tiles, may_be_loaded });
-        if !work.edits.is_empty() {
+        self.parts.push(Part { edits: first..totals.edits, tiles, may_be_loaded, weighs });
+        if edited {
             self.take_edits(work, first);
         }
     }

@@ -24,8 +24,8 @@ struct Edited {
 }
 
 impl Planner<'_> {
-    /// Plans the edits of one round of all snowpacks: snow falls, then contacts and stresses are
-    /// evaluated.
+    /// Plans the edits of one round of all snowpacks: snow falls, then contacts are evaluated, and
+    /// stresses under objects.
     pub fn edits(&mut self, residents: &mut Residents, rounds: Vec<Round>) {
         let first_collider = self.tables.orders.colliders.len();
         let mut edited = Edited::default();
@@ -45,7 +45,24 @@ impl Planner<'_> {
             let pass = Pass { first: first_collider, count, ..edit_pass() };
             self.dispatch(KernelId::Contact, 0, pass, count);
         }
-        for (page, jobs) in by_page(edited.load_jobs) {
+        self.stresses(edited.load_jobs);
+    }
+
+    /// Plans that stresses are evaluated that edits have left for when something needs them.
+    pub fn weigh(&mut self, residents: &mut Residents, slots: impl Iterator<Item = Slot>) {
+        let mut jobs = Vec::new();
+        for slot in slots {
+            let Some(resident) = residents.get_mut(slot) else { continue };
+            for tile in std::mem::take(&mut resident.unweighed) {
+                let row = resident.lot.tiles.start + tile;
+                jobs.push((resident.page(tile), LoadJob { tile: row, ..LoadJob::default() }));
+            }
+        }
+        self.stresses(jobs);
+    }
+
+    fn stresses(&mut self, jobs: Vec<(u32, LoadJob)>) {
+        for (page, jobs) in by_page(jobs) {
             let (first, count) = (self.tables.orders.load_jobs.len(), jobs.len() as u32);
             self.tables.orders.load_jobs.extend(jobs);
             self.dispatch(KernelId::Stress, page, Pass { first, count, ..edit_pass() }, count);
@@ -99,6 +116,7 @@ impl Planner<'_> {
                     self.tables.forget_bodies(resident.bodies.values());
                     self.arena.restore(self.device, &resident.lot, &contents.tiles);
                     resident.bodies = self.restore_bodies(resident, &contents);
+                    resident.unweighed.clear();
                     moved = true;
                 }
             }
@@ -113,9 +131,10 @@ impl Planner<'_> {
         if runs {
             self.evaluated.insert(slot);
         }
-        stressed.extend(snowed.keys().copied());
+        resident.unweighed.extend(snowed.keys().copied());
         self.edit_jobs(resident, snowed, &mut edited.edit_jobs);
         stressed.extend(resident.loads.keys().copied());
+        resident.unweighed.retain(|tile| !stressed.contains(tile));
         edited.colliders += resident.bodies.len() as u32;
         self.load_jobs(slot, resident, runs, stressed.into_iter(), &mut edited.load_jobs);
         resident.bodies.values_mut().for_each(|body| body.placed = false);
