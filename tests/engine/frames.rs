@@ -63,15 +63,16 @@ fn a_frame_allocates_nothing_for_a_snowpack() {
             carry_out(&mut gpu, frame());
         }
         let frames: Vec<Vec<Work>> = (0..8).map(|_| frame()).collect();
-        let before = ALLOCATIONS.get();
-        for work in frames {
+        let of_a_frame = |work| {
+            let before = ALLOCATIONS.get();
             let outcome = carry_out(&mut gpu, work);
             assert_eq!(outcome.published.count(), snowpacks);
-        }
-        Some(ALLOCATIONS.get() - before)
+            ALLOCATIONS.get() - before
+        };
+        // The graphics library's own vary, as it asks the device once more or less often.
+        frames.into_iter().map(of_a_frame).min()
     };
     let (Some(few), Some(many)) = (allocations(4), allocations(60)) else { return };
-    // The graphics library's own vary by a few, as it asks the device once more or less often. One
-    // for each snowpack in each frame would be 448 more.
-    assert!(many < few + 56, "{few} and {many}");
+    // One for each snowpack would be 56 more.
+    assert!(many < few + 28, "{few} and {many}");
 }
