@@ -63,6 +63,12 @@ pub(super) enum Reply {
     Snowfall { edit: usize },
 }
 
+impl Reply {
+    fn is_awaited(&self) -> bool {
+        !matches!(self, Reply::Snowfall { .. } | Reply::Change { answer: None, .. })
+    }
+}
+
 /// What the answer to a change tells.
 #[derive(Clone, Debug)]
 pub(super) enum ReplyKind {
@@ -103,10 +109,18 @@ impl Orders {
         self.samples.split_off(fitting)
     }
 
-    /// Whether somebody waits for a frame to be published.
+    /// Whether a frame is to be published at once.
     pub fn want_answers(&self) -> bool {
-        !self.replies.is_empty()
-            || !self.gathers.is_empty()
+        !self.replies.is_empty() || self.want_reads()
+    }
+
+    /// Whether somebody waits for the frame: nobody does for snow that falls by itself.
+    pub fn are_awaited(&self) -> bool {
+        self.replies.iter().any(Reply::is_awaited) || self.want_reads()
+    }
+
+    fn want_reads(&self) -> bool {
+        !self.gathers.is_empty()
             || !self.tallies.is_empty()
             || !self.samples.is_empty()
             || !self.snapshots.is_empty()

@@ -69,6 +69,9 @@ impl Simulation {
         self.unpublished |= advance.ticks > 0 || self.has_orders();
         let mut orders = std::mem::take(&mut self.next);
         self.next.samples = orders.hold_back_samples(turn.samples);
+        if advance.ticks > 0 {
+            self.next.snapshots = std::mem::take(&mut orders.snapshots);
+        }
         let publish = match &self.replay {
             Some(replay) => replay.publishes(),
             None => orders.want_answers() || (turn.publish && self.unpublished),
@@ -138,8 +141,10 @@ impl Simulation {
         };
         let before = self.clock;
         let mut advance = self.clock.advance(taken, cycles);
+        // Whatever falls at a tick is in its snapshot: that is not made in the frame of the tick.
         let parted = !passes && advance.run.cycles > self.portions.least();
-        self.answered_first = parted && !self.answered_first && self.answers_without_ticks();
+        let apart = parted || !self.next.snapshots.is_empty();
+        self.answered_first = apart && !self.answered_first && self.answers_without_ticks();
         if self.answered_first {
             (self.clock, advance) = (before, Advance::default());
         }
@@ -155,7 +160,7 @@ impl Simulation {
 
     /// Whether there is somebody to be answered in a frame without ticks.
     fn answers_without_ticks(&self) -> bool {
-        self.next.want_answers() && self.replay.is_none()
+        self.next.are_awaited() && self.replay.is_none()
     }
 
     /// Takes in what a run found: whether the snow has settled, and since when.

@@ -1,7 +1,7 @@
 //! Snapshots over HTTP: saved, restored bit for bit, and refused where they are not sound.
 
 use crate::on_each_backend;
-use crate::support::{Options, Reply, Server};
+use crate::support::{Options, Reply, Server, small};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
 
@@ -9,6 +9,7 @@ on_each_backend!(
     a_restored_session_goes_on_bit_for_bit,
     a_snapshot_of_a_settled_session_is_small,
     what_is_not_a_sound_snapshot_is_refused,
+    a_live_session_has_one_digest_at_a_tick,
     a_restored_session_is_reset_to_what_was_saved,
     digests_tell_snowpacks_apart,
     a_forged_snapshot_is_refused,
@@ -215,6 +216,29 @@ async fn a_reset_leads_back_to_the_digest_of_the_beginning(backend: BackendChoic
     assert_ne!(digest(&server, &path).await, beginning);
     server.post(&format!("{path}/reset"), Value::Null).await.expect(200);
     assert_eq!(digest(&server, &path).await, beginning);
+    server.stop().await;
+}
+
+/// Whenever it is asked for: snow that falls at a tick is in all digests of that tick.
+async fn a_live_session_has_one_digest_at_a_tick(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let mut snowy = small();
+    snowy["tick_rate"] = json!(15);
+    snowy["snowfall_rate"] = json!(100);
+    let path = server.create(snowy).await;
+    let plate = json!({"mass": 40, "position": {"x": 1, "z": 0.7},
+        "shape": {"type": "disk", "radius": 0.3}});
+    server.put(&format!("{path}/colliders/plate"), plate).await.expect(201);
+    server.patch(&path, json!({"paused": false})).await.expect(200);
+    let (mut ticks, mut last) = (0, Value::Null);
+    while ticks < 12 {
+        let answer = server.get(&format!("{path}/digest")).await.expect(200);
+        ticks += u32::from(answer["tick"] != last["tick"]);
+        if answer["tick"] == last["tick"] {
+            assert_eq!(answer["digest"], last["digest"], "tick {}", last["tick"]);
+        }
+        last = answer;
+    }
     server.stop().await;
 }
 
