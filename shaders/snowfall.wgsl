@@ -270,7 +270,7 @@ fn deposit(column: ptr<function, Column>, snow: Fall) -> u32 {
 }
 
 // Removes what is above a depth; returns the mass removed. The cell that is cut keeps its part of
-// the mass, rounded down.
+// the mass, rounded down, and goes whole where that is nothing.
 fn clear(column: ptr<function, Column>, depth: u32) -> u32 {
     store_top(column);
     let base = (*column).base;

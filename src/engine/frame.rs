@@ -115,7 +115,7 @@ pub enum Edit {
         /// Its id.
         id: Arc<str>,
     },
-    /// Other material constants; tiles are woken for them by `Work::wake`.
+    /// Other material constants. They come with `Work::wake`.
     SetMaterial(Material),
     /// Everything is replaced by what was saved. Contacts and stresses are not evaluated.
     Restore(Arc<Contents>),

@@ -136,7 +136,6 @@ impl Simulation {
         mirror.material = self.material;
     }
 
-    /// Notes how the objects touch the snow.
     /// Takes in how objects touch the snow. On snow that has settled all of them rest: cycles that
     /// would find that are not carried out any more.
     fn take_contacts(&mut self, contacts: &[(Arc<str>, Contact)]) {

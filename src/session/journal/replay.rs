@@ -3,12 +3,17 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use crate::engine::frame::Edit;
 use crate::session::orders::MOST_EDITS;
 use crate::session::portion::Portions;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 
 use super::{Entry, Event, Stored};
+
+/// Snowfalls after an object was put in one frame, each a submit of its own, after which the rest waits
+/// for the next.
+const MOST_ROUNDS: usize = 64;
 
 /// What a session still has to go through again.
 #[derive(Debug)]
@@ -75,11 +80,12 @@ impl Simulation {
             return;
         }
         replay.parted = false;
+        let (mut rounds, mut counted) = (0, self.next.edits.len());
         while let Some(entry) = replay.entries.front().cloned() {
             if entry.tick > self.clock.tick() {
                 break;
             }
-            if self.next.edits.len() >= MOST_EDITS {
+            if self.next.edits.len() >= MOST_EDITS || rounds >= MOST_ROUNDS {
                 replay.parted = true;
                 break;
             }
@@ -87,6 +93,9 @@ impl Simulation {
             for event in &entry.events {
                 self.repeat(event);
             }
+            let new = &self.next.edits[counted.saturating_sub(1)..];
+            rounds += new.windows(2).filter(|pair| begins_a_round(&pair[0], &pair[1])).count();
+            counted = self.next.edits.len();
         }
         self.replay = Some(replay);
     }
@@ -117,4 +126,9 @@ impl Simulation {
         }
         done
     }
+}
+
+fn begins_a_round(before: &Edit, edit: &Edit) -> bool {
+    let falls = |edit: &Edit| matches!(edit, Edit::Deposit(_) | Edit::Clear { .. });
+    falls(edit) && !falls(before)
 }

@@ -25,7 +25,7 @@ struct Edited {
 
 impl Planner<'_> {
     /// Plans the edits of one round of all snowpacks: snow falls, then contacts are evaluated, and
-    /// stresses under objects.
+    /// stresses where loads or constants may have changed.
     pub fn edits(&mut self, residents: &mut Residents, rounds: Vec<Round>) {
         let first_collider = self.tables.orders.colliders.len();
         let mut edited = Edited::default();
@@ -134,7 +134,9 @@ impl Planner<'_> {
         resident.unweighed.extend(snowed.keys().copied());
         self.edit_jobs(resident, snowed, &mut edited.edit_jobs);
         stressed.extend(resident.loads.keys().copied());
-        resident.unweighed.retain(|tile| !stressed.contains(tile));
+        for tile in &stressed {
+            resident.unweighed.remove(tile);
+        }
         edited.colliders += resident.bodies.len() as u32;
         self.load_jobs(slot, resident, runs, stressed.into_iter(), &mut edited.load_jobs);
         resident.bodies.values_mut().for_each(|body| body.placed = false);
