@@ -12,7 +12,8 @@ const MASS_QUANTUM: f32 = 1.0 / 262144.0;
 const GRAVITY: f32 = 9.81;
 // Depth over which contact is soft, in elevation units.
 const CONTACT_DEPTH: u32 = 419430u;
-// A tile without a session; the bottom of an object that has been through no cycle.
+// A tile without a session, a column beside a footprint, the bottom of an object that has been through
+// no cycle.
 const NONE: u32 = 0xffffffffu;
 
 // Bits of a tile's state.
@@ -112,7 +113,7 @@ struct Contact {
     pressure: f32,
     // Width b over which the load spreads [m].
     width: f32,
-    // Not 0 where bottom and support are those of the last cycle.
+    // Not 0 where bottom and support were those of the last cycle before, when they were evaluated.
     resting: u32,
     // Those of the last cycle; NONE for the bottom where there was none since it was placed.
     last_bottom: u32,

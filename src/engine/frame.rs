@@ -115,7 +115,7 @@ pub enum Edit {
         /// Its id.
         id: Arc<str>,
     },
-    /// Other material constants. They come with `Work::wake`.
+    /// Other material constants. They come with `Work::wake` or a restore.
     SetMaterial(Material),
     /// Everything is replaced by what was saved. Contacts and stresses are not evaluated.
     Restore(Arc<Contents>),

@@ -91,7 +91,7 @@ pub(super) enum ReplyKind {
 }
 
 impl Orders {
-    /// Whether somebody waits for a frame.
+    /// Whether there is something that a frame is to be made for.
     pub fn are_urgent(&self) -> bool {
         !self.edits.is_empty() || self.want_answers()
     }

@@ -61,7 +61,7 @@ pub struct Simulation {
     pub(super) replay: Option<Replay>,
     /// It has not come to the end of that.
     pub(super) replays: bool,
-    /// The newest frame has put off a run, so that whoever waits is answered first.
+    /// The newest frame has put off its ticks, so that whoever waits is answered first.
     pub(super) answered_first: bool,
     /// Time stands still: it is about to hibernate.
     pub(super) frozen: bool,

@@ -143,7 +143,7 @@ impl Simulation {
         let mut advance = self.clock.advance(taken, cycles);
         // Whatever falls at a tick is in its snapshot: that is not made in the frame of the tick.
         let parted = !passes && advance.run.cycles > self.portions.least();
-        let apart = parted || !self.next.snapshots.is_empty();
+        let apart = parted || (advance.ticks > 0 && !self.next.snapshots.is_empty());
         self.answered_first = apart && !self.answered_first && self.answers_without_ticks();
         if self.answered_first {
             (self.clock, advance) = (before, Advance::default());

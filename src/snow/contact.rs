@@ -39,9 +39,9 @@ pub struct Contact {
     pub area: f32,
     /// Pressure q \[Pa\] on the area in contact.
     pub pressure: f32,
-    /// Whether the footing is that of the last cycle.
+    /// Whether the footing was that of the last cycle before it, when it was evaluated.
     pub resting: bool,
-    /// Footing in the last cycle; none where there was none since the object was put there.
+    /// Footing in the last cycle so far; none where there was none since the object was put there.
     ///
     /// What is evaluated is compared with it, not with the evaluation before: so it makes no
     /// difference how often contact is evaluated between two cycles.

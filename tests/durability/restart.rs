@@ -14,6 +14,7 @@ on_each_backend!(
     a_session_that_came_back_equals_its_twin,
     a_live_session_comes_back_to_a_state_of_its_own_past,
     what_lived_through_a_kill_equals_a_twin_that_was_stepped,
+    changes_in_the_frames_of_ticks_come_back_where_they_were,
     a_clean_stop_loses_nothing_at_all,
     changes_beside_long_ticks_come_back_where_they_were,
 );
@@ -96,7 +97,7 @@ async fn a_live_session_comes_back_to_a_state_of_its_own_past(backend: BackendCh
     server.kill().await;
 }
 
-/// Objects on snow that settles, and on snow that falls by itself, with a change while time goes on.
+/// Objects on snow that settles, and on snow that falls by itself, with a change in a pause.
 /// The frames of such a session are cut wherever a beat or the kill comes, those of its twin are long.
 async fn what_lived_through_a_kill_equals_a_twin_that_was_stepped(backend: BackendChoice) {
     let data = tempfile::tempdir().unwrap();
@@ -150,6 +151,44 @@ async fn what_lived_through_a_kill_equals_a_twin_that_was_stepped(backend: Backe
         assert_eq!(digest(&server, twin).await.0, ours, "session {i} at tick {now}");
     }
     server.kill().await;
+}
+
+/// Changes to sessions whose time goes on: it stands still only when they are compared.
+async fn changes_in_the_frames_of_ticks_come_back_where_they_were(backend: BackendChoice) {
+    let data = tempfile::tempdir().unwrap();
+    for interval in ["1h", "50ms"] {
+        let options = ["--backend", name(backend), "--checkpoint-interval", interval];
+        let mut server = Process::ready(data.path(), &options).await;
+        let ids: Vec<String> = (0..6).map(|i| format!("busy-{i}-{interval}")).collect();
+        for (i, id) in ids.iter().enumerate() {
+            let mut spec = session(id);
+            spec["paused"] = json!(false);
+            spec["snowfall_rate"] = json!([0, 30][i % 2]);
+            server.post("/v1/sessions", spec).await;
+        }
+        let histories: Vec<_> = (20..26).map(|seed| history(seed, 30)).collect();
+        for at in 0..30 {
+            for (id, steps) in ids.iter().zip(&histories) {
+                // None that wants a pause.
+                let (method, path, body) = &steps[at];
+                if !path.contains("step") && !path.contains("reset") {
+                    carry_out(&server, id, &[(method.clone(), path.clone(), body.clone())]).await;
+                }
+            }
+        }
+        let mut before = Vec::new();
+        for id in &ids {
+            let pause = (Method::PATCH, String::new(), json!({"paused": true}));
+            carry_out(&server, id, &[pause]).await;
+            before.push(digest(&server, id).await);
+        }
+        server.kill().await;
+        server = Process::ready(data.path(), &options).await;
+        for (id, before) in ids.iter().zip(before) {
+            assert_eq!(digest(&server, id).await, before, "{id}");
+        }
+        server.kill().await;
+    }
 }
 
 async fn a_clean_stop_loses_nothing_at_all(backend: BackendChoice) {

@@ -201,7 +201,7 @@ pub struct Contact {
     pub pressure: f32,
     /// Width b over which the load spreads \[m\].
     pub width: f32,
-    /// Not 0 where bottom and support are those of the last cycle.
+    /// Not 0 where bottom and support were those of the last cycle before, when they were evaluated.
     pub resting: u32,
     /// Bottom in the last cycle; `NO_CYCLE` where there was none since it was placed.
     pub last_bottom: u32,

@@ -11,8 +11,8 @@ use crate::session::snapshot::Snapshot;
 
 use super::{Entry, Event, Stored};
 
-/// Snowfalls after an object was put in one frame, each a submit of its own, after which the rest waits
-/// for the next.
+/// Times in one frame that snow falls after anything else, each of which begins another submit: what
+/// happened after so many waits for the next frame.
 const MOST_ROUNDS: usize = 64;
 
 /// What a session still has to go through again.
@@ -80,18 +80,20 @@ impl Simulation {
             return;
         }
         replay.parted = false;
-        let (mut rounds, mut counted) = (0, self.next.edits.len());
+        let (mut rounds, mut counted, mut reset) = (0, self.next.edits.len(), false);
         while let Some(entry) = replay.entries.front().cloned() {
             if entry.tick > self.clock.tick() {
                 break;
             }
-            if self.next.edits.len() >= MOST_EDITS || rounds >= MOST_ROUNDS {
+            // Each reset may bring a whole snowpack along.
+            if self.next.edits.len() >= MOST_EDITS || rounds >= MOST_ROUNDS || reset {
                 replay.parted = true;
                 break;
             }
             replay.entries.pop_front();
             for event in &entry.events {
                 self.repeat(event);
+                reset |= matches!(event, Event::Reset);
             }
             let new = &self.next.edits[counted.saturating_sub(1)..];
             rounds += new.windows(2).filter(|pair| begins_a_round(&pair[0], &pair[1])).count();
