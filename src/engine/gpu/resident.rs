@@ -73,8 +73,14 @@ impl Resident {
     /// A snowpack without objects.
     pub fn new(lot: Lot, layout: Layout) -> Resident {
         let row = layout::Session::new(&layout, lot.tiles.start);
-        let (bodies, loads, unweighed) = Default::default();
-        Resident { lot, layout, row, bodies, loads, unweighed }
+        Resident {
+            lot,
+            layout,
+            row,
+            bodies: BTreeMap::new(),
+            loads: BTreeMap::new(),
+            unweighed: BTreeSet::new(),
+        }
     }
 
     /// Page of one of its tiles.
