@@ -12,8 +12,8 @@ COPY . .
 COPY --from=viewer /src/viewer/dist viewer/dist
 RUN --mount=type=cache,target=/usr/local/cargo/registry \
     --mount=type=cache,target=/src/target \
-    cargo build --release --locked \
-    && cp target/release/firn /usr/local/bin/firn
+    cargo build --profile dist --locked \
+    && cp target/dist/firn /usr/local/bin/firn
 
 FROM debian:bookworm-slim
 # mesa-vulkan-drivers: AMD, Intel and lavapipe, which computes on any CPU.

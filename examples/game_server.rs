@@ -13,16 +13,14 @@ use std::error::Error;
 use std::f64::consts::{PI, TAU};
 use std::time::Duration;
 
-use futures_util::{SinkExt, StreamExt};
-use reqwest::{Client, Method};
-use serde_json::{Value, json};
-use tokio::net::TcpStream;
-use tokio_tungstenite::tungstenite::Message;
-use tokio_tungstenite::tungstenite::client::IntoClientRequest;
-use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
+use firn_client::{Client, Message, Session, Stream};
+use firn_protocol::stream::{Command, SubProtocol};
+use firn_protocol::{
+    ColliderBatch, ColliderSpec, Probe, ProbeBatch, Region, SessionSpec, SnowLayer, Snowfall,
+};
+use firn_snow::{Grid, Position, Shape};
 
 type Failure = Box<dyn Error + Send + Sync>;
-type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 
 const WALKERS: usize = 20;
 const RATE: f64 = 20.0;
@@ -44,105 +42,70 @@ async fn main() -> Result<(), Failure> {
     let url = arguments.next().unwrap_or("http://127.0.0.1:8080".to_owned());
     let seconds: f64 = arguments.next().as_deref().unwrap_or("10").parse()?;
     let key = std::env::var("FIRN_API_KEY").ok();
-    let firn = Firn { http: Client::new(), url, key };
-    let field = make_field(&firn).await?;
-    let walked = walk(&firn, &field, seconds).await;
-    firn.ask(Method::DELETE, &field, Value::Null).await?;
+    let mut client = Client::new(&url)?;
+    if let Some(key) = key {
+        client = client.with_key(&key)?;
+    }
+    let field = make_field(&client).await?;
+    let walked = walk(&field, seconds).await;
+    field.delete().await?;
     walked
 }
 
 /// Packed snow, and soft drifts on it.
-async fn make_field(firn: &Firn) -> Result<String, Failure> {
+async fn make_field(client: &Client) -> Result<Session, Failure> {
     let side = (FIELD / 0.2) as u32;
-    let spec = json!({
-        "grid": {"width": side, "depth": side, "height": 20, "cell_size": 0.2},
-        "initial_snow": [{"depth": 1.0, "density": 100, "temperature": -8}],
-        "air_temperature": -8,
-    });
-    let session = firn.ask(Method::POST, "/v1/sessions", spec).await?;
-    let field = format!("/v1/sessions/{}", session["id"].as_str().ok_or("no id")?);
+    let packed = SnowLayer { depth: 1.0, density: Some(100.0), temperature: Some(-8.0) };
+    let spec = SessionSpec {
+        grid: Grid { width: side, depth: side, height: 20, cell_size: 0.2 },
+        initial_snow: vec![packed],
+        air_temperature: -8.0,
+        ..SessionSpec::default()
+    };
+    let (field, _) = client.create(&spec).await?;
     for drift in 0..6 {
         let (x, z) = (2.0 + 3.0 * f64::from(drift), 3.0 + f64::from(drift * 5 % 7) * 2.0);
-        let region = json!({"x": x, "z": z, "width": 1.6, "depth": 4.0});
-        let fall = json!({"depth": 1.2, "density": 20, "region": region});
-        firn.ask(Method::POST, &format!("{field}/snowfalls"), fall).await?;
+        let region = Some(Region { x, z, width: 1.6, depth: 4.0 });
+        field.snowfall(&Snowfall { density: Some(20.0), region, ..Snowfall::new(1.2) }).await?;
     }
     Ok(field)
 }
 
-async fn walk(firn: &Firn, field: &str, seconds: f64) -> Result<(), Failure> {
-    let mut stream = firn.stream(field).await?;
+async fn walk(field: &Session, seconds: f64) -> Result<(), Failure> {
+    let mut stream = field.stream(SubProtocol::Json).await?;
     let mut walkers: Vec<Walker> = (0..WALKERS).map(Walker::at_the_edge).collect();
     let mut beat = tokio::time::interval(Duration::from_secs_f64(1.0 / RATE));
     let mut told = Told::default();
-    for step in 1..=(seconds * RATE) as u64 {
+    for step in 1..=(seconds * RATE) as i64 {
         beat.tick().await;
         let ways: Vec<Way> = walkers.iter_mut().flat_map(Walker::ways).collect();
-        let probes: Vec<Value> = ways.iter().map(Way::probe).collect();
-        let probes = json!({"probes": probes});
-        let answer = firn.ask(Method::POST, &format!("{field}/probes"), probes).await?;
-        let sinks = answer["probes"].as_array().ok_or("no probes")?;
-        let sinks: Vec<f64> = sinks.iter().filter_map(|p| p["sink_depth"].as_f64()).collect();
+        let probes = ways.iter().map(Way::probe).collect();
+        let answer = field.probe(&ProbeBatch { probes }).await?;
+        let sinks: Vec<f64> = answer.probes.iter().map(|probe| probe.sink_depth).collect();
         let choices = ways.chunks(TURNS.len()).zip(sinks.chunks(TURNS.len()));
         for (walker, (ways, sinks)) in walkers.iter_mut().zip(choices) {
             told.note(sinks[0], walker.choose(ways, sinks));
         }
-        let put: Vec<Value> = walkers.iter().map(Walker::collider).collect();
-        let batch = json!({"op": "colliders.batch", "id": step, "put": put});
-        let tick = change(&mut stream, &batch).await?;
-        if step % RATE as u64 == 0 {
+        let put = walkers.iter().map(Walker::collider).collect();
+        let batch = ColliderBatch { put, delete: Vec::new() };
+        let tick = change(&mut stream, &Command::Colliders { id: step, batch }).await?;
+        if step % RATE as i64 == 0 {
             told.print(tick);
         }
     }
-    stream.close(None).await?;
+    stream.close().await;
     Ok(())
 }
 
 /// Sends a change and waits for its answer; the tick at which it was applied.
-async fn change(stream: &mut Socket, change: &Value) -> Result<u64, Failure> {
-    stream.send(Message::text(change.to_string())).await?;
-    while let Some(message) = stream.next().await {
-        let Ok(text) = message?.into_text() else { continue };
-        let answer: Value = serde_json::from_str(&text).unwrap_or_default();
-        match answer["op"].as_str() {
-            Some("ack") => return Ok(answer["tick"].as_u64().unwrap_or_default()),
-            Some("error") => return Err(answer["problem"].to_string().into()),
+async fn change(stream: &mut Stream, change: &Command) -> Result<u64, Failure> {
+    stream.send(change).await?;
+    loop {
+        match stream.next().await? {
+            Message::Ack(ack) => return Ok(ack.stamp.tick),
+            Message::Refused { problem, .. } => return Err(problem.detail.into()),
             _ => {}
         }
-    }
-    Err("the stream has ended".into())
-}
-
-/// Where the server is, and who asks.
-struct Firn {
-    http: Client,
-    url: String,
-    key: Option<String>,
-}
-
-impl Firn {
-    /// Sends a request; fails with the server's problem where it is refused.
-    async fn ask(&self, method: Method, path: &str, body: Value) -> Result<Value, Failure> {
-        let mut request = self.http.request(method, format!("{}{path}", self.url));
-        if let Some(key) = &self.key {
-            request = request.bearer_auth(key);
-        }
-        if !body.is_null() {
-            request = request.json(&body);
-        }
-        let response = request.send().await?;
-        let fine = response.status().is_success();
-        let text = response.text().await?;
-        if fine { Ok(serde_json::from_str(&text).unwrap_or_default()) } else { Err(text.into()) }
-    }
-
-    async fn stream(&self, session: &str) -> Result<Socket, Failure> {
-        let url = format!("{}{session}/stream", self.url.replacen("http", "ws", 1));
-        let mut request = url.into_client_request()?;
-        if let Some(key) = &self.key {
-            request.headers_mut().insert("authorization", format!("Bearer {key}").parse()?);
-        }
-        Ok(connect_async(request).await?.0)
     }
 }
 
@@ -165,8 +128,8 @@ struct Way {
 }
 
 impl Way {
-    fn probe(&self) -> Value {
-        json!({"x": self.x, "z": self.z, "mass": MASS, "area": PI * RADIUS * RADIUS})
+    fn probe(&self) -> Probe {
+        Probe { x: self.x, z: self.z, mass: MASS, area: PI * RADIUS * RADIUS }
     }
 }
 
@@ -207,10 +170,13 @@ impl Walker {
         *sink
     }
 
-    fn collider(&self) -> Value {
-        let shape = json!({"type": "disk", "radius": RADIUS});
-        let position = json!({"x": self.x, "z": self.z});
-        json!({"id": self.name, "mass": MASS, "shape": shape, "position": position})
+    fn collider(&self) -> ColliderSpec {
+        ColliderSpec {
+            id: Some(self.name.clone()),
+            mass: MASS,
+            shape: Shape::Disk { radius: RADIUS },
+            position: Position { x: self.x, z: self.z },
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 // Compacts the cells of listed tiles: a workgroup for each tile, a thread for four neighbouring
 // cells at a time, its slots equally far apart. Stress is constant meanwhile, so all cycles of a run
 // go in registers. A tile in which the last cycle changed no quantum goes to rest. The twin of
-// Compaction in src/snow/column.rs.
+// Compaction in firn-snow/column.rs.
 
 var<immediate> work: Pass;
 @group(0) @binding(0) var<storage, read> sessions: array<Session>;

@@ -1,5 +1,5 @@
 // Evaluates how objects touch the snow: a workgroup for each object. The twin of Contact::evaluate
-// in src/snow/contact.rs, and of what src/snow/snowpack.rs compares it with.
+// in firn-snow/contact.rs, and of what firn-snow/snowpack.rs compares it with.
 
 var<immediate> work: Pass;
 @group(0) @binding(0) var<storage, read> sessions: array<Session>;

@@ -1,5 +1,5 @@
 // Samples the fixed grid from the material cells: a thread for each column of a box. The twin of
-// src/snow/sample.rs.
+// firn-snow/sample.rs.
 
 var<immediate> work: Pass;
 @group(0) @binding(0) var<storage, read> sessions: array<Session>;

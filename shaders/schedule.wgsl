@@ -29,7 +29,7 @@ fn is_due(tile: u32) -> bool {
         atomicOr(&states[tile], AWAKE);
     }
     let awake = (atomicLoad(&states[tile]) & AWAKE) != 0u || (run.flags & ALWAYS_AWAKE) != 0u;
-    return run.cycles > 0u && awake;
+    return run.cycles > 0u && awake && (run.flags & PARTED) == 0u;
 }
 
 fn reserve(page: u32, count: u32) -> u32 {

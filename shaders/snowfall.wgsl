@@ -1,6 +1,6 @@
 // Lets snow fall on the columns of listed tiles and clears it: a workgroup for each tile, a thread
 // for each column. Tops up, opens cells and re-cuts where slots run out. The twin of
-// Column::deposit and Column::clear in src/snow/column.rs and of src/snow/recut.rs.
+// Column::deposit and Column::clear in firn-snow/column.rs and of firn-snow/recut.rs.
 
 var<immediate> work: Pass;
 @group(0) @binding(0) var<storage, read> sessions: array<Session>;

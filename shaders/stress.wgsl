@@ -1,6 +1,6 @@
 // Evaluates the vertical stress in the columns of listed tiles, top to bottom: the weight of the
 // snow and the loads of the objects on it, gathered in ascending order of the objects' ids. A tile
-// in which a bit of a stress changes wakes. The twin of Column::stress in src/snow/column.rs.
+// in which a bit of a stress changes wakes. The twin of Column::stress in firn-snow/column.rs.
 
 var<immediate> work: Pass;
 @group(0) @binding(0) var<storage, read> sessions: array<Session>;

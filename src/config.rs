@@ -1,6 +1,7 @@
 //! Configuration: one struct per concern, each field a flag with its environment variable.
 
 mod access;
+mod api_keys;
 mod log;
 
 use std::net::SocketAddr;
@@ -14,6 +15,7 @@ use clap::{Args, ValueEnum};
 use crate::session::Limits;
 
 pub use access::{AccessConfig, ApiKey, ConnectionConfig};
+pub use api_keys::{Scope, Scopes, TenantConfig, TenantConfigs, TenantKey};
 pub use log::{LogConfig, LogFormat};
 
 /// Where the server listens.
@@ -42,7 +44,20 @@ pub struct LimitsConfig {
     #[arg(long, env = "FIRN_MAX_SESSIONS", default_value_t = 10_000, value_name = "N")]
     pub max_sessions: usize,
 
-    /// Cells (width × depth × height) of one session.
+    /// Columns (width × depth) of one session, in whole tiles of 8 × 8.
+    #[arg(
+        long,
+        env = "FIRN_MAX_COLUMNS_PER_SESSION",
+        default_value_t = 16_777_216,
+        value_name = "N"
+    )]
+    pub max_columns_per_session: u64,
+
+    /// Columns of all sessions together, in whole tiles.
+    #[arg(long, env = "FIRN_MAX_COLUMNS", default_value_t = 268_435_456, value_name = "N")]
+    pub max_columns: u64,
+
+    /// Cells (width × depth × height) of one session, in whole tiles.
     #[arg(
         long,
         env = "FIRN_MAX_CELLS_PER_SESSION",
@@ -51,7 +66,7 @@ pub struct LimitsConfig {
     )]
     pub max_cells_per_session: u64,
 
-    /// Cells of all sessions together.
+    /// Cells of all sessions together, in whole tiles.
     #[arg(long, env = "FIRN_MAX_CELLS", default_value_t = 4_000_000_000, value_name = "N")]
     pub max_cells: u64,
 
@@ -65,6 +80,8 @@ impl LimitsConfig {
     pub fn limits(&self) -> Limits {
         Limits {
             sessions: self.max_sessions,
+            columns_per_session: self.max_columns_per_session,
+            columns: self.max_columns,
             cells_per_session: self.max_cells_per_session,
             cells: self.max_cells,
             colliders_per_session: self.max_colliders,
@@ -85,7 +102,31 @@ pub struct RequestConfig {
     )]
     pub max_body_bytes: usize,
 
-    /// Longest time for a request, as in `30s`; stepping a session and streams may take longer.
+    /// Memory for bodies that are arriving, and for unfinished messages of stream clients, of all
+    /// connections together; a request that finds none gets 503.
+    #[arg(
+        long,
+        env = "FIRN_MAX_BODIES",
+        default_value = "128MiB",
+        value_parser = parse_bytes,
+        value_name = "BYTES"
+    )]
+    pub max_bodies: u64,
+
+    /// Memory for answers that are being made or wait for their clients to take them, and for messages
+    /// to stream clients, of all connections together; large answers wait for room, and get 503 where
+    /// there is none for half of --request-timeout.
+    #[arg(
+        long,
+        env = "FIRN_MAX_UNSENT",
+        default_value = "256MiB",
+        value_parser = parse_bytes,
+        value_name = "BYTES"
+    )]
+    pub max_unsent: u64,
+
+    /// Longest time for a request's body to arrive, and for its answer to be made after that, as in
+    /// `30s`; stepping a session and streams may take longer.
     #[arg(
         long,
         env = "FIRN_REQUEST_TIMEOUT",
@@ -94,6 +135,17 @@ pub struct RequestConfig {
         value_name = "TIME"
     )]
     pub request_timeout: Duration,
+}
+
+impl Default for RequestConfig {
+    fn default() -> Self {
+        RequestConfig {
+            max_body_bytes: 16 << 20,
+            max_bodies: 128 << 20,
+            max_unsent: 256 << 20,
+            request_timeout: Duration::from_secs(30),
+        }
+    }
 }
 
 /// What one stream may take.
@@ -172,6 +224,11 @@ pub struct StoreConfig {
         value_name = "TIME"
     )]
     pub checkpoint_interval: Duration,
+
+    /// Begin empty where the data directory is damaged and no session in it is whole; without this the
+    /// server does not start then. The damaged file is kept beside the new one.
+    #[arg(long, env = "FIRN_ACCEPT_LOSS", value_parser = FalseyValueParser::new())]
+    pub accept_loss: bool,
 
     /// Longest time to stop in, as in `30s`: requests under way end, streams are closed, and
     /// sessions are saved.

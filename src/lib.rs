@@ -1,25 +1,26 @@
 //! Firn simulates snowpacks on the GPU and serves them over HTTP and WebSocket.
 //!
-//! Modules depend on each other in one direction: `cli` → `http`, `stream`, `experiment` →
-//! `render`, `diagram` → `session` → `engine` → `snow`. `docs/architecture.md` describes how they work together.
+//! This is the server. The parts usable without it are separate crates: [`firn_snow`], [`firn_engine`],
+//! [`firn_protocol`] and [`firn_client`]. `docs/architecture.md` describes the modules and their dependencies.
 
-#![deny(missing_docs)]
-
+pub mod backend;
 pub mod bench;
+pub mod budget;
 pub mod cli;
 pub mod config;
 pub mod diagram;
-pub mod engine;
 pub mod experiment;
 pub mod http;
+pub mod limit;
 pub mod load;
 pub mod metrics;
 pub mod open_files;
-pub mod parallel;
 pub mod problem;
+pub mod quote;
 pub mod render;
+pub mod server;
 pub mod session;
-pub mod snow;
 pub mod store;
 pub mod stream;
 pub mod telemetry;
+pub mod threads;

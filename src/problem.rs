@@ -4,67 +4,86 @@
 mod json;
 mod strict;
 
+use std::borrow::Cow;
+use std::ops::Deref;
+
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-use utoipa::ToSchema;
+use utoipa::openapi::{RefOr, Schema};
+use utoipa::{PartialSchema, ToSchema};
 
-use crate::diagram::ChartError;
-use crate::engine::frame::EngineError;
-use crate::render::RenderError;
-use crate::session::{Invalid, SessionError};
+use crate::limit::Limit;
 
+pub use firn_protocol::FieldError;
 pub use json::parse;
 
 /// Seconds after which a request may be tried again that a total of the server refused.
 const RETRY_WHEN_FULL: u32 = 60;
 
+/// Parts of a request that are told to be wrong, at the most.
+const MOST_ERRORS: usize = 100;
+
 /// Seconds after which a request may be tried again that came at a bad time.
 const RETRY_WHEN_READY: u32 = 5;
 
-/// Why a request was not carried out.
-#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+/// Why a request was not carried out, and what the server does about it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Problem {
-    /// Stable name of this kind of problem: `urn:firn:problem:…`.
-    #[serde(rename = "type")]
-    pub kind: String,
-    /// What kind of problem it is, in words.
-    pub title: String,
-    /// HTTP status.
-    #[schema(minimum = 400, maximum = 599)]
-    pub status: u16,
-    /// What was wrong with this request.
-    pub detail: String,
-    /// Each part of the request that was wrong; may be empty.
-    pub errors: Vec<FieldError>,
+    /// What the client is told.
+    #[serde(flatten)]
+    told: firn_protocol::Problem,
     /// Seconds after which trying again makes sense; sent as `Retry-After`.
     #[serde(skip)]
     pub retry_after: Option<u32>,
+    /// The limit that it met, where it was one.
+    #[serde(skip)]
+    pub limit: Option<Limit>,
 }
 
-/// A part of a request that can't be accepted.
-#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct FieldError {
-    /// JSON pointer to the field in the body, or the name of a path or query parameter.
-    pub pointer: String,
-    /// What was expected and what was found.
-    pub detail: String,
+impl Deref for Problem {
+    type Target = firn_protocol::Problem;
+
+    fn deref(&self) -> &firn_protocol::Problem {
+        &self.told
+    }
+}
+
+impl PartialSchema for Problem {
+    fn schema() -> RefOr<Schema> {
+        firn_protocol::Problem::schema()
+    }
+}
+
+impl ToSchema for Problem {
+    fn name() -> Cow<'static, str> {
+        firn_protocol::Problem::name()
+    }
+
+    fn schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
+        firn_protocol::Problem::schemas(schemas);
+    }
 }
 
 impl Problem {
     fn new(status: StatusCode, name: &str, title: &str, detail: impl Into<String>) -> Problem {
-        Problem {
+        let told = firn_protocol::Problem {
             kind: format!("urn:firn:problem:{name}"),
             title: title.to_owned(),
             status: status.as_u16(),
             detail: detail.into(),
             errors: Vec::new(),
-            retry_after: None,
-        }
+        };
+        Problem { told, retry_after: None, limit: None }
     }
 
     fn retry_after(self, seconds: u32) -> Problem {
         Problem { retry_after: Some(seconds), ..self }
+    }
+
+    /// The same, because of a limit, so that it is counted.
+    pub fn from_limit(self, limit: Limit) -> Problem {
+        Problem { limit: Some(limit), ..self }
     }
 
     /// 400: the request can't be read at all.
@@ -122,19 +141,45 @@ impl Problem {
     }
 
     /// 422: fields are invalid, unknown, missing or beyond a limit of a session.
-    pub fn invalid(errors: Vec<FieldError>) -> Problem {
+    pub fn invalid(mut errors: Vec<FieldError>) -> Problem {
         let detail = match errors.as_slice() {
             [only] if only.pointer.is_empty() => only.detail.clone(),
             [only] => format!("{}: {}", only.pointer, only.detail),
-            _ => format!("{} parts of the request are not valid", errors.len()),
+            all if all.len() > MOST_ERRORS => {
+                let count = all.len();
+                format!(
+                    "{count} parts of the request are not valid; these are the first {MOST_ERRORS}"
+                )
+            }
+            all => format!("{} parts of the request are not valid", all.len()),
         };
+        errors.truncate(MOST_ERRORS);
+        errors.shrink_to_fit();
         let status = StatusCode::UNPROCESSABLE_ENTITY;
-        Problem { errors, ..Problem::new(status, "invalid", "The request is not valid", detail) }
+        let mut problem = Problem::new(status, "invalid", "The request is not valid", detail);
+        problem.told.errors = errors;
+        problem
     }
 
     /// 422 for one field.
     pub fn invalid_field(pointer: impl Into<String>, detail: impl Into<String>) -> Problem {
         Problem::invalid(vec![FieldError { pointer: pointer.into(), detail: detail.into() }])
+    }
+
+    /// 429: the server holds as much as it may.
+    pub fn server_full(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::TOO_MANY_REQUESTS;
+        Problem::new(status, "server-full", "The server is full", detail)
+            .retry_after(RETRY_WHEN_FULL)
+            .from_limit(Limit::ServerFull)
+    }
+
+    /// 429: a tenant holds as much as it may, or asks for more than it may.
+    pub fn quota_reached(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::TOO_MANY_REQUESTS;
+        Problem::new(status, "quota-reached", "A quota is reached", detail)
+            .retry_after(RETRY_WHEN_FULL)
+            .from_limit(Limit::Quota)
     }
 
     /// 429: more requests than are taken; try again after some seconds.
@@ -160,10 +205,28 @@ impl Problem {
         Problem::new(status, "out-of-memory", "Device memory is full", detail)
     }
 
+    /// 507: the server's own memory is full.
+    pub fn no_memory(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::INSUFFICIENT_STORAGE;
+        Problem::new(status, "no-memory", "Memory is full", detail)
+    }
+
     /// 507: what was asked for can't be stored.
     pub fn storage_failed(detail: impl Into<String>) -> Problem {
         let status = StatusCode::INSUFFICIENT_STORAGE;
         Problem::new(status, "storage-failed", "Changes can't be stored", detail)
+    }
+
+    /// 503: what is stored is gone, and nothing can be added to it.
+    pub fn storage_gone(detail: impl Into<String>) -> Problem {
+        let status = StatusCode::SERVICE_UNAVAILABLE;
+        Problem::new(status, "storage-gone", "What is stored is gone", detail)
+            .retry_after(RETRY_WHEN_FULL)
+    }
+
+    /// 423: an administrator has to say first that it is as it should be.
+    pub fn locked(detail: impl Into<String>) -> Problem {
+        Problem::new(StatusCode::LOCKED, "locked", "The session is locked", detail)
     }
 
     /// 503: not ready, stopping, or too slow just now.
@@ -174,61 +237,15 @@ impl Problem {
     }
 }
 
-impl From<Invalid> for FieldError {
-    fn from(invalid: Invalid) -> FieldError {
-        FieldError { pointer: invalid.pointer, detail: invalid.detail }
-    }
-}
-
-impl From<SessionError> for Problem {
-    fn from(error: SessionError) -> Problem {
-        let detail = error.to_string();
-        match error {
-            SessionError::NotFound { .. } => Problem::not_found(detail),
-            SessionError::Conflict(_) => Problem::conflict(detail),
-            SessionError::Forbidden(_) => Problem::forbidden(detail),
-            SessionError::Invalid(fields) => {
-                Problem::invalid(fields.into_iter().map(FieldError::from).collect())
-            }
-            SessionError::ServerFull(_) => {
-                let status = StatusCode::TOO_MANY_REQUESTS;
-                Problem::new(status, "server-full", "The server is full", detail)
-                    .retry_after(RETRY_WHEN_FULL)
-            }
-            SessionError::OutOfMemory(_) => Problem::out_of_memory(detail),
-            SessionError::StorageFailed(_) => Problem::storage_failed(detail),
-            SessionError::Unavailable(_) => Problem::unavailable(detail),
-            SessionError::Internal(_) => Problem::internal(detail),
-        }
-    }
-}
-
-impl From<RenderError> for Problem {
-    fn from(error: RenderError) -> Problem {
-        let detail = error.to_string();
-        match error {
-            RenderError::Busy => Problem::unavailable(detail),
-            RenderError::Engine(EngineError::NoAdapter(_)) => Problem::not_implemented(detail),
-            RenderError::Engine(EngineError::OutOfMemory(_)) => Problem::out_of_memory(detail),
-            RenderError::Engine(EngineError::DeviceFailed(_))
-            | RenderError::Panicked
-            | RenderError::Encoding(_) => Problem::internal(detail),
-        }
-    }
-}
-
-impl From<ChartError> for Problem {
-    fn from(error: ChartError) -> Problem {
-        Problem::internal(error.to_string())
-    }
-}
-
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         let body = serde_json::to_vec(&self).unwrap_or_default();
         let media_type = HeaderValue::from_static("application/problem+json");
         let mut response = (status, [(header::CONTENT_TYPE, media_type)], body).into_response();
+        if let Some(limit) = self.limit {
+            response.extensions_mut().insert(limit);
+        }
         if let Some(seconds) = self.retry_after {
             response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }
@@ -237,35 +254,5 @@ impl IntoResponse for Problem {
             response.headers_mut().insert(header::WWW_AUTHENTICATE, scheme);
         }
         response
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_session_error_has_its_status() {
-        let cases = [
-            (SessionError::Forbidden(String::new()), 403),
-            (SessionError::NotFound { kind: "session", id: "a".into() }, 404),
-            (SessionError::Conflict(String::new()), 409),
-            (SessionError::Invalid(Vec::new()), 422),
-            (SessionError::ServerFull(String::new()), 429),
-            (SessionError::Internal(String::new()), 500),
-            (SessionError::Unavailable(String::new()), 503),
-            (SessionError::OutOfMemory(String::new()), 507),
-            (SessionError::StorageFailed(String::new()), 507),
-        ];
-        for (error, status) in cases {
-            assert_eq!(Problem::from(error.clone()).status, status, "{error:?}");
-        }
-    }
-
-    #[test]
-    fn a_full_server_says_when_to_come_back() {
-        let response = Problem::from(SessionError::ServerFull("full".into())).into_response();
-        assert_eq!(response.headers()[header::RETRY_AFTER], "60");
-        assert_eq!(response.headers()[header::CONTENT_TYPE], "application/problem+json");
     }
 }

@@ -50,7 +50,7 @@ namespace Firn
         readonly List<HeightMessage> parts = new List<HeightMessage>();
 
         /// <param name="server">As in http://127.0.0.1:8080.</param>
-        /// <param name="token">The API key or one of the session's tokens, where the server asks for one.</param>
+        /// <param name="token">An API key or one of the session's tokens, where the server asks for one.</param>
         /// <param name="maxRate">Most messages per second [Hz], 0.1 to 60.</param>
         /// <param name="quantum">Step that heights are rounded to [m].</param>
         public Heightfield(Uri server, string session, string token = null, double maxRate = 20, double quantum = 0.001)

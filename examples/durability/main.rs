@@ -18,13 +18,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::{Parser, ValueEnum};
-use firn::cli::open_backend;
+use firn::backend;
 use firn::config::{BackendChoice, EngineConfig};
-use firn::session::{
-    Durability, Limits, Session, SessionError, SessionSpec, Sessions, SnowLayer, World, WorldConfig,
-};
-use firn::snow::Grid;
+use firn::session::{Durability, Limits, Session, SessionError, Sessions, World, WorldConfig};
 use firn::store::{RedbStore, Store};
+use firn_protocol::{SessionSpec, SnowLayer};
+use firn_snow::Grid;
 use tokio::runtime::Runtime;
 use tokio::task::JoinSet;
 
@@ -99,14 +98,16 @@ fn open_on(
 ) -> Result<(Sessions, World)> {
     let limits = Limits {
         sessions: 100_000,
+        columns_per_session: 1 << 30,
+        columns: 1 << 40,
         cells_per_session: 1 << 30,
         cells: 1 << 40,
         colliders_per_session: 16,
     };
     let config = WorldConfig { limits, publish_rate, sleep: true };
     let engine = EngineConfig { backend, device_memory: None };
-    let durability = Durability { store, checkpoint_interval };
-    Ok(World::open(Box::new(move || open_backend(&engine)), config, durability)?)
+    let durability = Durability { store, checkpoint_interval, accept_loss: false };
+    Ok(World::open(Box::new(move || backend::open(&engine)), config, durability)?)
 }
 
 fn spec(id: u64, paused: bool) -> SessionSpec {

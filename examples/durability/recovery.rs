@@ -5,7 +5,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use firn::config::BackendChoice;
-use firn::session::{Change, Region, Sessions, Snowfall, StepSpec, World};
+use firn::session::{Change, Sessions, World};
+use firn_protocol::{Region, Snowfall, StepSpec};
 use tokio::runtime::Runtime;
 
 use super::{Directory, FILE, NEVER, Result, all, create, open};
@@ -74,7 +75,7 @@ fn live(runtime: &Runtime, backend: BackendChoice) -> Result<()> {
     let left = killed(sessions, world, &data.0)?;
     let (took, sessions, world) = recover(backend, &left.0)?;
     let ticks: Vec<u64> =
-        sessions.list(None, SESSIONS as usize).iter().map(|s| s.view().tick).collect();
+        sessions.list(None, None, SESSIONS as usize).iter().map(|s| s.view().tick).collect();
     world.stop();
     let mean = ticks.iter().sum::<u64>() / ticks.len() as u64;
 

@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use firn::config::BackendChoice;
-use firn::session::{SessionSpec, SnowLayer};
-use firn::snow::Grid;
 use firn::store::{Ephemeral, Loaded, RedbStore, Store, StoreError, Write};
+use firn_protocol::{SessionSpec, SnowLayer};
+use firn_snow::Grid;
 use tokio::runtime::Runtime;
 
 use super::{Directory, NEVER, Result, open_on};

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use firn::config::BackendChoice;
-use firn::session::{SessionSpec, StepSpec};
+use firn_protocol::{SessionSpec, StepSpec};
 use tokio::runtime::Runtime;
 
 use super::{Directory, NEVER, Result, open, spec};

@@ -5,17 +5,21 @@
 
 use std::sync::OnceLock;
 
-use firn::engine::cpu::CpuBackend;
-use firn::session::{
-    Limits, SessionError, SessionSpec, Sessions, SettingsPatch, SnowLayer, StepSpec, World,
-    WorldConfig,
-};
-use firn::snow::Grid;
+use firn::session::{Limits, SessionError, Sessions, World, WorldConfig};
 use firn::stream::Request;
+use firn_engine::cpu::CpuBackend;
+use firn_protocol::{SessionSpec, SettingsPatch, SnowLayer, StepSpec};
+use firn_snow::Grid;
 use libfuzzer_sys::fuzz_target;
 
-const LIMITS: Limits =
-    Limits { sessions: 2, cells_per_session: 4096, cells: 8192, colliders_per_session: 16 };
+const LIMITS: Limits = Limits {
+    sessions: 2,
+    columns_per_session: 4096,
+    columns: 8192,
+    cells_per_session: 4096,
+    cells: 8192,
+    colliders_per_session: 16,
+};
 
 fn sessions() -> &'static Sessions {
     static SESSIONS: OnceLock<Sessions> = OnceLock::new();
@@ -41,7 +45,7 @@ async fn play(text: &str) {
     let spec = SessionSpec {
         grid: Grid { width: 5, depth: 4, height: 8, ..Grid::default() },
         paused: true,
-        initial_snow: vec![SnowLayer { depth: 0.7, temperature: None, density: None }],
+        initial_snow: vec![SnowLayer::new(0.7)],
         ..SessionSpec::default()
     };
     let (session, _tokens) = sessions().create(spec).await.expect("there is room");

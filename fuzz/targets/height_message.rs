@@ -2,11 +2,11 @@
 
 #![no_main]
 
-use firn::stream::codec;
+use firn_protocol::heights;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|input: &[u8]| {
-    if let Ok(message) = codec::decode(input) {
+    if let Ok(message) = heights::decode(input) {
         for run in &message.runs {
             let (tile, samples) = (&run.tile, run.tile.width * run.tile.depth);
             assert_eq!(tile.heights.len(), samples as usize);

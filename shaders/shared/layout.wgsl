@@ -1,4 +1,4 @@
-// The tables that all kernels read. src/engine/gpu/layout.rs has the same structs; a test compares
+// The tables that all kernels read. firn-engine has the same structs in gpu/layout.rs; a test compares
 // them.
 
 // Columns of a tile; cells of a tile stand at (row + slot) * 64 + column of its page.
@@ -28,6 +28,7 @@ const WAKE: u32 = 1u;
 const PUBLISH: u32 = 2u;
 const EDITED: u32 = 4u;  // contacts have been evaluated for the first cycle, after edits
 const ALWAYS_AWAKE: u32 = 8u;
+const PARTED: u32 = 16u;  // a part of the cycles is done, on tiles that the host lists
 
 // Bits of Pass.flags.
 const AFTER_EDITS: u32 = 1u;    // nothing may be skipped

@@ -1,5 +1,5 @@
 // Hardness of snow and how far it gives way, of four cells at a time; the twin of
-// src/snow/material.rs and of Compaction in src/snow/column.rs.
+// firn-snow/material.rs and of Compaction in firn-snow/column.rs.
 
 const CALIBRATED: u32 = 0u;
 const REGRESSION: u32 = 1u;

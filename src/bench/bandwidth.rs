@@ -2,14 +2,14 @@
 
 use std::time::{Duration, Instant};
 
+use firn_engine::frame::EngineError;
+use firn_engine::gpu::device::Device;
+use firn_engine::gpu::stopwatch::Stopwatch;
 use rayon::prelude::*;
 
 use super::report::{Clock, CopyRate};
 use super::spread::Spread;
 use super::{BenchError, Plan};
-use crate::engine::frame::EngineError;
-use crate::engine::gpu::device::Device;
-use crate::engine::gpu::stopwatch::Stopwatch;
 
 /// Bytes of the buffer at full scale: many times what any cache holds.
 const BYTES: f64 = (1u64 << 30) as f64;

@@ -2,12 +2,15 @@
 
 use std::sync::Arc;
 
+use firn_engine::frame::TileCells;
+use firn_protocol::{SessionSpec, SettingsPatch};
+
+use crate::session::Session;
+
 use super::case::Case;
 use super::host::{Host, spec};
 use super::report::{Measured, Report, pass_bytes};
 use super::{BenchError, Plan, frames};
-use crate::engine::frame::TileCells;
-use crate::session::{Session, SessionSpec, SettingsPatch};
 
 /// Frames before the first that counts.
 const WARM_UP: usize = 6;

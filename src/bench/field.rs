@@ -2,18 +2,19 @@
 
 use std::time::{Duration, Instant};
 
+use firn_engine::cpu::CpuBackend;
+use firn_engine::frame::{
+    Backend, Deposit, Edit, Frame, Layout, Run, TileCells, Work, WorkOutcome,
+};
+use firn_engine::gpu::GpuBackend;
+use firn_engine::gpu::device::Device;
+use firn_engine::gpu::kernels::KernelId;
+use firn_snow::{Grid, MASS_QUANTA, Material};
+
 use super::case::Case;
 use super::report::{Clock, Measured, Report, pass_bytes};
 use super::spread::Spread;
 use super::{BenchError, Plan};
-use crate::engine::cpu::CpuBackend;
-use crate::engine::frame::{
-    Backend, Deposit, Edit, Frame, Layout, Run, TileCells, Work, WorkOutcome,
-};
-use crate::engine::gpu::GpuBackend;
-use crate::engine::gpu::device::Device;
-use crate::engine::gpu::kernels::KernelId;
-use crate::snow::{Grid, MASS_QUANTA, Material};
 
 /// Time of one cycle \[s\]: a tick at 60 Hz.
 const DT: f64 = 1.0 / 60.0;

@@ -5,11 +5,12 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+use crate::session::{FrameParts, FrameTime};
+
 use super::BenchError;
 use super::case::Case;
 use super::report::{Clock, Measured, time};
 use super::spread::Spread;
-use crate::session::{FrameParts, FrameTime};
 
 /// Medians of the parts of frames \[s\].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -3,16 +3,17 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use firn_protocol::{SessionSpec, SettingsPatch, SnowLayer};
 use tokio::runtime::Runtime;
 use tokio::task::JoinSet;
 
-use super::{BenchError, Plan};
-use crate::cli::open_backend;
+use crate::backend;
 use crate::config::EngineConfig;
 use crate::session::{
-    Change, FrameTime, Limits, Session, SessionError, SessionSpec, Sessions, SettingsPatch,
-    SnowLayer, World, WorldConfig,
+    Change, FrameTime, Limits, Session, SessionError, Sessions, World, WorldConfig,
 };
+
+use super::{BenchError, Plan};
 
 /// Longest time to wait for anything.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -33,12 +34,14 @@ impl Host {
         let engine = EngineConfig { backend: plan.backend, device_memory: None };
         let limits = Limits {
             sessions: 1 << 20,
+            columns_per_session: 1 << 40,
+            columns: 1 << 40,
             cells_per_session: 1 << 40,
             cells: 1 << 50,
             colliders_per_session: 64,
         };
         let config = WorldConfig { limits, publish_rate, sleep: true };
-        let (sessions, world) = World::start(open_backend(&engine)?, config)?;
+        let (sessions, world) = World::start(backend::open(&engine)?, config)?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
         Ok(Host { sessions, world: Some(world), runtime })
     }

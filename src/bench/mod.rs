@@ -12,9 +12,10 @@ mod single;
 mod spread;
 mod thesis;
 
+use firn_engine::frame::EngineError;
+use firn_engine::gpu::device::{Device, Purpose};
+
 use crate::config::BackendChoice;
-use crate::engine::frame::EngineError;
-use crate::engine::gpu::device::Device;
 use crate::session::SessionError;
 
 pub use case::{Case, Target};
@@ -87,8 +88,8 @@ pub fn run(plan: &Plan, observe: &mut dyn FnMut(&str)) -> Result<Report, BenchEr
     observe("opening the device");
     let device = match plan.backend {
         BackendChoice::Cpu => None,
-        BackendChoice::Gpu => Some(Device::open()?),
-        BackendChoice::Auto => match Device::open() {
+        BackendChoice::Gpu => Some(Device::open(Purpose::Step)?),
+        BackendChoice::Auto => match Device::open(Purpose::Step) {
             Err(EngineError::NoAdapter(_)) => None,
             opened => Some(opened?),
         },

@@ -2,14 +2,14 @@
 
 use std::fmt;
 
+use firn_engine::gpu::device::Device;
+use firn_engine::gpu::stopwatch::STOPWATCH_FEATURES;
 use serde::Serialize;
 
 use super::Plan;
 use super::case::{Case, Quantity, Target};
 use super::frames::Parts;
 use super::spread::Spread;
-use crate::engine::gpu::device::Device;
-use crate::engine::gpu::stopwatch::STOPWATCH_FEATURES;
 
 /// Bytes that a cell of Firn's moves where it changes: mass, thickness, temperature and stress are
 /// read, thickness is written.

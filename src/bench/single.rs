@@ -3,15 +3,16 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use firn_protocol::{ColliderBatch, ColliderSpec, SessionSpec, SettingsPatch, StepSpec};
+use firn_snow::{Position, Shape};
+
+use crate::session::{Change, FRAME_RATE, Session};
+
 use super::case::Case;
 use super::host::{Host, spec};
 use super::report::{Clock, Measured, Report};
 use super::spread::Spread;
 use super::{BenchError, Plan, frames};
-use crate::session::{
-    Change, ColliderBatch, ColliderSpec, FRAME_RATE, Session, SessionSpec, SettingsPatch, StepSpec,
-};
-use crate::snow::{Position, Shape};
 
 /// Frames before the first that counts.
 const WARM_UP: usize = 30;
@@ -75,7 +76,7 @@ fn create(host: &Host, samples: u32) -> Result<Measured, BenchError> {
             let what = format!("the first heights are {} m", summary.min_height);
             return Err(BenchError::Stuck { case: case.name(), what });
         }
-        host.runtime.block_on(host.sessions.delete(&session.id))?;
+        host.runtime.block_on(host.sessions.delete(&session))?;
         // The first one compiles and allocates.
         if sample > 0 {
             times.push(time);
@@ -93,7 +94,7 @@ fn live_session(host: &Host, case: Case, samples: u32) -> Result<Measured, Bench
     let count = WARM_UP + samples as usize;
     let watched = host.watch(case.name(), count, |frame| frame.published_tiles == tiles)?;
     let timed = &watched[WARM_UP..];
-    host.runtime.block_on(host.sessions.delete(&session.id))?;
+    host.runtime.block_on(host.sessions.delete(&session))?;
     frames::measured(case, 1, [50, 50, HEIGHT], timed)
 }
 
@@ -116,7 +117,7 @@ fn beside_a_busy_session<T>(
         let _done = SetOnDrop(&done);
         act()
     });
-    host.runtime.block_on(host.sessions.delete(&other.id))?;
+    host.runtime.block_on(host.sessions.delete(&other))?;
     acted
 }
 

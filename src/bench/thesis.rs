@@ -3,16 +3,17 @@
 
 use std::time::{Duration, Instant};
 
+use firn_engine::frame::EngineError;
+use firn_engine::gpu::device::Device;
+use firn_engine::gpu::stopwatch::Stopwatch;
+use firn_snow::Grid;
+
 use super::bandwidth::wait;
 use super::case::Case;
 use super::field::IN_A_ROW;
 use super::report::{Clock, Measured, Report};
 use super::spread::Spread;
 use super::{BenchError, Plan};
-use crate::engine::frame::EngineError;
-use crate::engine::gpu::device::Device;
-use crate::engine::gpu::stopwatch::Stopwatch;
-use crate::snow::Grid;
 
 /// Words of a cell.
 const CELL_WORDS: u64 = 22;
@@ -71,7 +72,7 @@ pub(super) fn measure(
         let clock = if thesis.watch.is_some() { Clock::Device } else { Clock::Wall };
         if let Some(time) = Spread::of(times) {
             let sides = [grid.width, grid.depth, grid.height];
-            let cells = grid.cells();
+            let cells = grid.columns() * u64::from(grid.height);
             let measured = Measured::new(case, 1, sides, clock, time);
             let bytes = cells * CELL_WORDS * 4 * CELL_MOVES;
             report.cases.push(measured.with_work(cells, 0, 1, bytes));
@@ -91,7 +92,7 @@ struct Thesis<'a> {
 impl Thesis<'_> {
     fn new(device: &Device, grid: Grid, snow: f64) -> Result<Thesis<'_>, EngineError> {
         let columns = grid.columns();
-        let bytes = grid.cells() * CELL_WORDS * 4;
+        let bytes = columns * u64::from(grid.height) * CELL_WORDS * 4;
         if bytes > device.largest_binding() {
             return Err(EngineError::OutOfMemory(format!(
                 "the thesis's layout needs {bytes} bytes in one binding; the device binds {}",
@@ -243,7 +244,8 @@ fn pipelines(
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
-        let threads = if per_cell { grid.cells() } else { grid.columns() };
+        let threads =
+            if per_cell { grid.columns() * u64::from(grid.height) } else { grid.columns() };
         (pipeline, threads.div_ceil(64) as u32)
     });
     (pipelines.into(), layout)

@@ -48,7 +48,7 @@ pub struct Options {
     json: bool,
 }
 
-fn parse_scale(text: &str) -> Result<f64, String> {
+pub(super) fn parse_scale(text: &str) -> Result<f64, String> {
     let scale: f64 = text.parse().map_err(|_| "expected a number, as in 0.01".to_owned())?;
     if scale > 0.0 && scale <= 1.0 {
         return Ok(scale);

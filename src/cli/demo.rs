@@ -1,9 +1,9 @@
 //! The live session `demo`: 5.8 m of snow at −3 °C with three objects of 100 kg on it.
 
-use crate::session::{
-    Change, ColliderBatch, ColliderSpec, SessionError, SessionSpec, Sessions, SnowLayer,
-};
-use crate::snow::{Position, Shape};
+use firn_protocol::{ColliderBatch, ColliderSpec, SessionSpec, SnowLayer};
+use firn_snow::{Position, Shape};
+
+use crate::session::{Change, SessionError, Sessions};
 
 /// Sides \[m\] of the boxes and where they stand \[m\]: apart from each other, so that each shows
 /// how far its own pressure makes it sink.

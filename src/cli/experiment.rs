@@ -5,12 +5,13 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::backend;
 use crate::config::{BackendChoice, EngineConfig};
 use crate::experiment::{self, Experiment, SIDE};
 use crate::session::{Limits, Sessions, World, WorldConfig};
 use crate::telemetry;
 
-use super::{Failure, open_backend, print};
+use super::{Failure, print};
 
 /// Shown below the flags.
 pub const EXAMPLES: &str = "\
@@ -77,13 +78,15 @@ impl Choice {
 pub fn run(options: &Options) -> Result<(), Failure> {
     telemetry::log_what_goes_wrong();
     let engine = EngineConfig { backend: options.backend, device_memory: None };
-    let backend = open_backend(&engine).map_err(|error| Failure::Failed(error.to_string()))?;
+    let backend = backend::open(&engine).map_err(|error| Failure::Failed(error.to_string()))?;
     let failed = |what: &str, error: std::io::Error| Failure::Failed(format!("{what}: {error}"));
     let runtime = tokio::runtime::Builder::new_current_thread()
         .build()
         .map_err(|error| failed("starting a runtime", error))?;
     let limits = Limits {
         sessions: 1,
+        columns_per_session: 1 << 20,
+        columns: 1 << 40,
         cells_per_session: 1 << 20,
         cells: 1 << 20,
         colliders_per_session: 3,

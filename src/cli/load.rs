@@ -3,13 +3,14 @@
 use std::fmt::Display;
 use std::time::Duration;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
+use firn_protocol::stream::SubProtocol;
 use indicatif::{HumanBytes, ProgressBar, ProgressStyle};
 use serde::Serialize;
 use tokio_util::sync::CancellationToken;
 
 use crate::config::ApiKey;
-use crate::load::{self, Extent, LoadError, Plan, Progress, Protocol};
+use crate::load::{self, Attack, Extent, LoadError, Plan, Progress, Scenario};
 
 use super::Failure;
 
@@ -27,6 +28,11 @@ What the figures mean:
                    any client had at that moment, those in the sockets' buffers included.
   durable          with --durable, a snowfall counts when it is acknowledged, which is when it is on
                    the server's disk. Every client has one request under way.
+  hostile          with --hostile, a session of 32x32 columns at 60 Hz, its neighbour, is changed every
+                   0.1 s: ticks per second, and the time from a change to its answer, alone, as
+                   `nobody`, and beside each scenario. Changes don't wait for each other. +MiB is the rise
+                   of the server's memory to its peak, as seen every 20 ms. Of `ticks` it is also
+                   measured what it gets alone. The server should have no other sessions.
   server memory    resident set of --server-pid before the first client, and at the end of the run.
                    Linux only, and only on the server's machine.
 
@@ -34,7 +40,27 @@ Examples:
   firn load                                   100 clients of one session for 10 s
   firn load --clients 1000 --tick-rate 10 --max-rate 10 --duration 20s --server-pid $(pidof firn)
   firn load --slow-clients 10 --stall 30s --duration 40s --json
-  firn load --durable --sessions 8 --clients 64";
+  firn load --durable --sessions 8 --clients 64
+  firn load --hostile --server-pid $(pidof firn)
+  firn load --hostile --scenario ticks,objects --scale 0.1";
+
+/// How heights are written.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum HeightFormat {
+    /// As JSON.
+    Json,
+    /// As packed bytes.
+    Bin,
+}
+
+impl From<HeightFormat> for SubProtocol {
+    fn from(format: HeightFormat) -> SubProtocol {
+        match format {
+            HeightFormat::Json => SubProtocol::Json,
+            HeightFormat::Bin => SubProtocol::Binary,
+        }
+    }
+}
 
 /// Options of `firn load`.
 #[derive(Args, Clone, Debug)]
@@ -47,7 +73,7 @@ pub struct Options {
     api_key: Option<ApiKey>,
     /// How clients are told heights.
     #[arg(long, default_value = "json")]
-    protocol: Protocol,
+    protocol: HeightFormat,
     /// Sessions to create; clients are spread over them.
     #[arg(long, default_value_t = 1)]
     sessions: usize,
@@ -79,6 +105,16 @@ pub struct Options {
     /// With --durable: keep the sessions, to see what a restart makes of them.
     #[arg(long, requires = "durable")]
     keep: bool,
+    /// Let one client take all that it may, and measure what is left for a neighbour; for servers on
+    /// this machine. --duration holds for each measurement.
+    #[arg(long, conflicts_with = "durable")]
+    hostile: bool,
+    /// With --hostile: what it does, in this order; everything where it is not given.
+    #[arg(long, requires = "hostile", value_delimiter = ',', value_name = "SCENARIO")]
+    scenario: Vec<Scenario>,
+    /// With --hostile: part of the full columns, pixels, objects, requests and bytes.
+    #[arg(long, requires = "hostile", default_value_t = 1.0, value_parser = super::bench::parse_scale, value_name = "PART")]
+    scale: f64,
     /// Objects in each session, moved once per tick, all of them in one batch.
     #[arg(long, default_value_t = 20, value_name = "OBJECTS")]
     colliders: usize,
@@ -112,7 +148,7 @@ impl Options {
         Ok(Plan {
             url: self.url.clone(),
             api_key: self.api_key.clone(),
-            protocol: self.protocol,
+            protocol: self.protocol.into(),
             sessions: self.sessions,
             clients: self.clients,
             slow_clients: self.slow_clients,
@@ -128,6 +164,12 @@ impl Options {
             server_pid: self.server_pid,
         })
     }
+
+    fn attack(&self) -> Attack {
+        let all = || Scenario::value_variants().to_vec();
+        let scenarios = if self.scenario.is_empty() { all() } else { self.scenario.clone() };
+        Attack { scenarios, scale: self.scale }
+    }
 }
 
 /// Carries a run out and prints its report.
@@ -139,21 +181,30 @@ pub fn run(options: &Options) -> Result<(), Failure> {
     let plan = options.plan()?;
     let runtime = tokio::runtime::Runtime::new()
         .map_err(|error| Failure::Failed(format!("starting threads: {error}")))?;
+    let json = options.json;
+    if options.hostile {
+        let (attack, show) = (options.attack(), |beside| format!("a neighbour beside {beside}"));
+        let run = async |observe: &dyn Fn(_), stop: &_| {
+            load::run_hostile(&plan, &attack, observe, stop).await
+        };
+        return print(&runtime.block_on(carry_out(show, run))?, json);
+    }
+    let show = |progress| line(&plan, &progress);
     if options.durable {
         let (changes, keep) = (options.changes, options.keep);
-        let report = runtime.block_on(carry_out(&plan, async |observe, stop| {
+        let run = async |observe: &dyn Fn(_), stop: &_| {
             load::run_durable(&plan, changes, keep, observe, stop).await
-        }))?;
-        return print(&report, options.json);
+        };
+        return print(&runtime.block_on(carry_out(show, run))?, json);
     }
-    let report = runtime
-        .block_on(carry_out(&plan, async |observe, stop| load::run(&plan, observe, stop).await))?;
-    print(&report, options.json)
+    let run = async |observe: &dyn Fn(_), stop: &_| load::run(&plan, observe, stop).await;
+    print(&runtime.block_on(carry_out(show, run))?, json)
 }
 
-async fn carry_out<R>(
-    plan: &Plan,
-    run: impl AsyncFnOnce(&dyn Fn(Progress), &CancellationToken) -> Result<R, LoadError>,
+/// Carries a run out, and shows how far it is.
+async fn carry_out<P, R>(
+    show: impl Fn(P) -> String,
+    run: impl AsyncFnOnce(&dyn Fn(P), &CancellationToken) -> Result<R, LoadError>,
 ) -> Result<R, Failure> {
     let stop = CancellationToken::new();
     let interrupt = tokio::spawn({
@@ -165,8 +216,7 @@ async fn carry_out<R>(
         }
     });
     let bar = progress_bar();
-    let observe = |progress: Progress| bar.set_message(line(plan, &progress));
-    let result = run(&observe, &stop).await;
+    let result = run(&|progress| bar.set_message(show(progress)), &stop).await;
     bar.finish_and_clear();
     interrupt.abort();
     result.map_err(|error| Failure::Failed(error.to_string()))

@@ -6,6 +6,8 @@ pub mod configuration;
 mod demo;
 mod effective;
 mod experiment;
+mod giving_up;
+mod key;
 mod load;
 mod man;
 mod openapi;
@@ -17,7 +19,9 @@ use std::process::ExitCode;
 
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
-pub use serve::{Serve, open_backend};
+pub use serve::Serve;
+
+use crate::session::OpenBackend;
 
 /// Shown below the commands.
 const EXAMPLES: &str = "\
@@ -51,6 +55,11 @@ enum Command {
     /// it at once.
     #[command(after_help = serve::EXAMPLES)]
     Serve(Box<Serve>),
+    /// Make an API key for a tenant
+    ///
+    /// Prints the entry for the keys file of `serve`, and on standard error the key itself.
+    #[command(after_help = key::EXAMPLES)]
+    Key(key::Options),
     /// Repeat the experiments of the thesis that the model comes from
     ///
     /// Prints the thesis's figures, those of an independent program and Firn's beside each other,
@@ -100,6 +109,16 @@ pub fn run() -> ExitCode {
         Ok(cli) => carry_out(cli.command, &given),
         Err(error) => error.exit(),
     };
+    exit_code(result)
+}
+
+/// Serves on what a function opens, for tests of what happens when that fails.
+#[doc(hidden)]
+pub fn serve_on(options: &Serve, open: OpenBackend) -> ExitCode {
+    exit_code(serve::run_on(options, open))
+}
+
+fn exit_code(result: Result<(), Failure>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Usage(message)) => {
@@ -117,6 +136,7 @@ fn carry_out(command: Command, given: &ArgMatches) -> Result<(), Failure> {
     match command {
         Command::Serve(options) if options.prints_config() => effective::run(given),
         Command::Serve(options) => serve::run(&options),
+        Command::Key(options) => key::run(&options),
         Command::Experiment(options) => experiment::run(&options),
         Command::Load(options) => load::run(&options),
         Command::Bench(options) => bench::run(&options),

@@ -10,7 +10,7 @@ Examples:
 
 /// Prints the document to standard output, as `api/openapi.json` holds it.
 pub fn run() -> Result<(), Failure> {
-    let mut document = crate::http::document()
+    let mut document = crate::server::document()
         .to_pretty_json()
         .map_err(|error| Failure::Failed(format!("the document can't be written: {error}")))?;
     document.push('\n');

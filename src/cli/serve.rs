@@ -5,25 +5,26 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use clap::Args;
+use firn_engine::parallel;
 use tokio::net::TcpListener;
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
+use crate::backend;
 use crate::config::{
-    AccessConfig, BackendChoice, ConnectionConfig, EngineConfig, LimitsConfig, ListenConfig,
-    LogConfig, RequestConfig, StoreConfig, StreamConfig,
+    AccessConfig, ConnectionConfig, EngineConfig, LimitsConfig, ListenConfig, LogConfig,
+    RequestConfig, StoreConfig, StreamConfig,
 };
-use crate::engine::cpu::CpuBackend;
-use crate::engine::frame::{Backend, EngineError};
-use crate::engine::gpu::GpuBackend;
-use crate::http::{self, App, Gate};
+use crate::http::{App, Gate};
 use crate::open_files;
-use crate::session::{Durability, SessionError, Sessions, World, WorldConfig};
+use crate::server;
+use crate::session::{Durability, OpenBackend, SessionError, Sessions, World, WorldConfig};
 use crate::store::{Ephemeral, RedbStore, Store};
 use crate::telemetry::Telemetry;
 
-use super::signals::Signals;
+use super::giving_up::{GAVE_UP, stop_on_giving_up};
+use super::signals::{Hangups, Signals, reload_on_signal, stop_on_signal};
 use super::{Failure, demo};
 
 /// Publications per second, beside those that requests ask for.
@@ -31,10 +32,6 @@ const PUBLISH_RATE: f64 = 20.0;
 
 /// Open files that are needed beside one per connection.
 const OTHER_FILES: u64 = 64;
-
-/// Of so many frames the stages of one are timed on the device: about one a second. It divides
-/// neither the publications' beat nor the usual tick rates', so that each kind of frame has its turn.
-const TIMED_FRAME: u32 = 61;
 
 /// Part of the drain timeout that is kept for saving sessions.
 const SAVING: f64 = 0.4;
@@ -48,6 +45,9 @@ Examples:
   firn serve --listen 127.0.0.1:0          on a free port; the log says which
   firn serve --listen [::]:8080 --api-key-file key --tls-cert cert.pem --tls-key key.pem
                                            for other machines, which need the key
+  firn serve --api-key-file key --api-keys-file keys.toml
+                                           for tenants, each with keys and quotas of its own
+  kill -HUP $(pidof firn)                  read keys and certificates again
   firn serve --listen [::]:8080 --allow-open    for every machine that can reach this one
   RUST_LOG=info,firn=debug firn serve      with a line in the log for each request
   firn serve --log-format json --otlp-endpoint http://127.0.0.1:4318
@@ -99,20 +99,29 @@ impl Serve {
 /// [`Failure::Usage`] for options that can't be carried out, [`Failure::Failed`] where the port is
 /// taken or the device can't be used.
 pub fn run(options: &Serve) -> Result<(), Failure> {
+    let engine = options.engine;
+    run_on(options, Box::new(move || backend::open(&engine)))
+}
+
+/// As [`run`], on what a function opens.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_on(options: &Serve, open: OpenBackend) -> Result<(), Failure> {
     let telemetry =
         Telemetry::start(&options.log).map_err(|error| Failure::Usage(error.to_string()))?;
-    let served = start(options);
+    let served = start(options, open);
     telemetry.finish();
     served
 }
 
-fn start(options: &Serve) -> Result<(), Failure> {
+fn start(options: &Serve, open: OpenBackend) -> Result<(), Failure> {
     let address = options.listen.listen;
     let gate = Gate::new(&options.access, options.connections.clone()).map_err(Failure::Usage)?;
     if gate.access.is_open() && !address.ip().is_loopback() && !options.listen.allow_open {
         return Err(Failure::Usage(format!(
             "other machines can reach {address}, and without an API key everybody who does may do \
-             everything; give --api-key-file, or --allow-open if that is intended, or listen on \
+             everything; give --api-key-file or --api-keys-file, or --allow-open if that is intended, or listen on \
              127.0.0.1"
         )));
     }
@@ -123,17 +132,18 @@ fn start(options: &Serve) -> Result<(), Failure> {
     let failed = |what: &str, error: std::io::Error| Failure::Failed(format!("{what}: {error}"));
     let runtime =
         tokio::runtime::Runtime::new().map_err(|error| failed("starting threads", error))?;
+    parallel::start()
+        .map_err(|why| Failure::Failed(format!("starting threads for the snowpacks: {why}")))?;
     let listener = runtime
         .block_on(TcpListener::bind(address))
         .map_err(|error| not_listening(address, &error))?;
     let config =
         WorldConfig { limits: options.limits.limits(), publish_rate: PUBLISH_RATE, sleep: true };
     let store = open_store(&options.store)?;
-    let durability = Durability { store, checkpoint_interval: options.store.checkpoint_interval };
-    let engine = options.engine;
-    let (sessions, world) =
-        World::open(Box::new(move || open_backend(&engine)), config, durability)
-            .map_err(|error| Failure::Failed(error.to_string()))?;
+    let StoreConfig { checkpoint_interval, accept_loss, .. } = options.store;
+    let durability = Durability { store, checkpoint_interval, accept_loss };
+    let (sessions, world) = World::open(open, config, durability)
+        .map_err(|error| Failure::Failed(error.to_string()))?;
     let (served, deadline) = runtime.block_on(serve(options, listener, sessions, gate));
     world.stop_by(deadline.into_std());
     info!("stopped");
@@ -148,7 +158,10 @@ async fn serve(
     gate: Gate,
 ) -> (Result<(), Failure>, Instant) {
     // From before anybody is told that there is a server: who starts it may stop it at once.
-    let signals = match Signals::new() {
+    // What was read from no file can't be read again: then SIGHUP ends the server, as the end of its
+    // terminal has to.
+    let hangups = gate.has_files().then(Hangups::new).transpose();
+    let (signals, hangups) = match Signals::new().and_then(|signals| Ok((signals, hangups?))) {
         Ok(signals) => signals,
         Err(error) => {
             return (Err(Failure::Failed(format!("taking signals: {error}"))), Instant::now());
@@ -168,9 +181,16 @@ async fn serve(
             tokio::spawn(demo);
         }
     }
-    let app = App::new(sessions.clone(), options.requests, options.stream, gate);
+    let app = match App::new(sessions.clone(), options.requests, options.stream, gate) {
+        Ok(app) => app,
+        Err(error) => {
+            return (Err(Failure::Failed(format!("starting threads: {error}"))), Instant::now());
+        }
+    };
+    let reloading = tokio::spawn(reload_on_signal(hangups, app.clone()));
+    let giving_up = tokio::spawn(stop_on_giving_up(sessions.clone(), shutdown.clone()));
     let patience = options.store.drain_timeout;
-    let serving = http::run(listener, app, shutdown.clone());
+    let serving = server::run(listener, app, shutdown.clone());
     let draining = async {
         shutdown.cancelled().await;
         sessions.close();
@@ -187,6 +207,11 @@ async fn serve(
         }
     };
     signals.abort();
+    reloading.abort();
+    giving_up.abort();
+    if sessions.vitals().gave_up() {
+        return (Err(Failure::Failed(GAVE_UP.to_owned())), deadline);
+    }
     (served.map_err(|error| Failure::Failed(format!("serving: {error}"))), deadline)
 }
 
@@ -249,31 +274,6 @@ fn open_store(config: &StoreConfig) -> Result<Box<dyn Store>, Failure> {
     }
 }
 
-/// Opens what the snowpacks will live on.
-///
-/// # Errors
-/// Where there is no adapter and `auto` was not asked for, or the adapter can't be used.
-pub fn open_backend(config: &EngineConfig) -> Result<Box<dyn Backend + Send>, EngineError> {
-    let on_cpu = || Box::new(CpuBackend::new(config.device_memory, false));
-    if config.backend == BackendChoice::Cpu {
-        return Ok(on_cpu());
-    }
-    match GpuBackend::new(config.device_memory, false) {
-        Ok(mut backend) => {
-            backend.take_times_of_one_in(TIMED_FRAME);
-            Ok(Box::new(backend))
-        }
-        Err(EngineError::NoAdapter(why)) if config.backend == BackendChoice::Auto => {
-            warn!("no usable graphics adapter ({why}); computing on the CPU");
-            Ok(on_cpu())
-        }
-        Err(EngineError::NoAdapter(why)) => {
-            Err(EngineError::NoAdapter(format!("{why}; or compute on the CPU with --backend cpu")))
-        }
-        Err(error) => Err(error),
-    }
-}
-
 /// Why an address can't be listened on, and what to do about it.
 fn not_listening(address: SocketAddr, error: &std::io::Error) -> Failure {
     let advice = match error.kind() {
@@ -291,14 +291,4 @@ fn not_listening(address: SocketAddr, error: &std::io::Error) -> Failure {
         _ => "",
     };
     Failure::Failed(format!("listening on {address}: {error}{advice}"))
-}
-
-/// Begins to stop on the first signal, and ends the process on the second.
-async fn stop_on_signal(mut signals: Signals, shutdown: CancellationToken) {
-    signals.next().await;
-    info!("stopping: finishing what is under way");
-    shutdown.cancel();
-    signals.next().await;
-    warn!("stopped at once by a second signal");
-    std::process::exit(1);
 }

@@ -10,10 +10,11 @@ use axum::http::HeaderValue;
 use axum::http::uri::Uri;
 use clap::Args;
 
+use super::api_keys::{self, TenantConfigs};
 use super::parse_duration;
 
 /// Fewest characters of an API key: what a person can remember can be guessed.
-const SHORTEST_KEY: usize = 16;
+pub(super) const SHORTEST_KEY: usize = 16;
 
 /// Who may do what.
 #[derive(Args, Clone, Debug)]
@@ -26,6 +27,11 @@ pub struct AccessConfig {
     /// File that holds the API key in its first line.
     #[arg(long, env = "FIRN_API_KEY_FILE", value_name = "FILE", conflicts_with = "api_key")]
     pub api_key_file: Option<PathBuf>,
+
+    /// TOML file with more API keys, each for what one tenant may do within its quotas; `firn key`
+    /// makes one. SIGHUP has it read again, as well as the files of --api-key-file and --tls-cert.
+    #[arg(long, env = "FIRN_API_KEYS_FILE", value_name = "FILE")]
+    pub api_keys_file: Option<PathBuf>,
 
     /// Another name by which clients call this server, as their `Host` header says it; may be
     /// given several times.
@@ -57,19 +63,34 @@ pub struct AccessConfig {
         value_name = "N"
     )]
     pub requests_per_second: NonZeroU32,
+
+    /// Requests with a wrong token per minute and address, IPv6 addresses by their /64, that are told
+    /// so; 429 beyond them. Right tokens still work then.
+    #[arg(
+        long,
+        env = "FIRN_AUTH_FAILURES_PER_MINUTE",
+        default_value_t = AUTH_FAILURES_PER_MINUTE,
+        value_name = "N"
+    )]
+    pub auth_failures_per_minute: NonZeroU32,
 }
 
 /// Several times what a game server needs that sends a request for each of its objects.
 const REQUESTS_PER_SECOND: NonZeroU32 = NonZeroU32::new(10_000).expect("not zero");
+
+/// More than people make mistakes, and little to answer and to log.
+const AUTH_FAILURES_PER_MINUTE: NonZeroU32 = NonZeroU32::new(60).expect("not zero");
 
 impl Default for AccessConfig {
     fn default() -> Self {
         AccessConfig {
             api_key: None,
             api_key_file: None,
+            api_keys_file: None,
             allowed_host: Vec::new(),
             allowed_origin: Vec::new(),
             requests_per_second: REQUESTS_PER_SECOND,
+            auth_failures_per_minute: AUTH_FAILURES_PER_MINUTE,
         }
     }
 }
@@ -97,6 +118,17 @@ pub struct ConnectionConfig {
     )]
     pub header_timeout: Duration,
 
+    /// Longest time without a byte taken by a client that something is sent to, as in `30s`; then the
+    /// connection is closed.
+    #[arg(
+        long,
+        env = "FIRN_WRITE_TIMEOUT",
+        default_value = "30s",
+        value_parser = parse_duration,
+        value_name = "TIME"
+    )]
+    pub write_timeout: Duration,
+
     /// Certificate chain for TLS, in a PEM file; without one the server speaks plain HTTP.
     #[arg(long, env = "FIRN_TLS_CERT", value_name = "FILE", requires = "tls_key")]
     pub tls_cert: Option<PathBuf>,
@@ -113,6 +145,7 @@ impl Default for ConnectionConfig {
         ConnectionConfig {
             max_connections: MAX_CONNECTIONS,
             header_timeout: Duration::from_secs(30),
+            write_timeout: Duration::from_secs(30),
             tls_cert: None,
             tls_key: None,
         }
@@ -120,7 +153,20 @@ impl Default for ConnectionConfig {
 }
 
 impl AccessConfig {
-    /// The API key, wherever it stands; `None` where the server is open.
+    /// Whether nobody is asked for a token.
+    pub fn is_open(&self) -> bool {
+        self.api_key.is_none() && self.api_key_file.is_none() && self.api_keys_file.is_none()
+    }
+
+    /// The tenants of the keys file, where there is one.
+    ///
+    /// # Errors
+    /// Where the file can't be read, or something in it can't hold.
+    pub fn tenants(&self) -> Result<Option<TenantConfigs>, String> {
+        self.api_keys_file.as_deref().map(api_keys::read).transpose()
+    }
+
+    /// The operator's API key, wherever it stands; `None` where there is none.
     ///
     /// # Errors
     /// Where the file can't be read, or the key could be guessed or can't be sent.
@@ -152,7 +198,7 @@ impl AccessConfig {
 pub struct ApiKey(String);
 
 impl ApiKey {
-    fn is_sound(&self) -> bool {
+    pub(super) fn is_sound(&self) -> bool {
         self.0.len() >= SHORTEST_KEY && self.0.bytes().all(|b| b.is_ascii_graphic())
     }
 

@@ -1,10 +1,9 @@
 //! Diagrams of columns of snow: density over depth, and hardness over density (thesis, chapters 4
 //! and 6).
 
+use firn_protocol::{ColumnView, LayerView};
+use firn_snow::Material;
 use plotters::style::RGBColor;
-
-use crate::session::{ColumnView, LayerView};
-use crate::snow::Material;
 
 use super::chart::{Axis, Band, Chart, Dots, Line, Weight};
 use super::number;

@@ -1,14 +1,14 @@
 //! The four figures of a study: density over depth, hardness over density, height over time, and
 //! stress against hardness over depth.
 
+use firn_protocol::LayerView;
+use firn_snow::Material;
 use plotters::style::RGBColor;
 
 use crate::diagram::{
     Axis, Band, Chart, Dots, Line, REFERENCE, Weight, colours, density_over_depth, depth_axis,
     greatest, hardness_over_density, number, over_depth, weak_bands,
 };
-use crate::session::LayerView;
-use crate::snow::Material;
 
 use super::study::{Profile, Study};
 

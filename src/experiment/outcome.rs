@@ -1,12 +1,13 @@
 //! The studies of the experiments, made of what was recorded and what the thesis and the oracle have.
 
-use crate::session::{ColumnView, LayerView, WeakLayerView};
+use firn_protocol::{ColumnView, LayerView, WeakLayerView};
+
+use crate::diagram::number;
 
 use super::recording::{PlateRecord, Recording};
 use super::reference::{Expected, Row};
 use super::setup::Experiment;
 use super::study::{History, Profile, Study};
-use crate::diagram::number;
 
 /// Simulated time of the last state \[s\] of an experiment with one snowfall.
 const END: f64 = 120.0;

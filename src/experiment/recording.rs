@@ -1,9 +1,8 @@
 //! Carrying out one set-up: a session is created, snowed on and stepped, and noted down on the way.
 
-use crate::session::{
-    Change, ColliderBatch, ColliderView, ColumnView, Session, SessionError, Sessions, SnowLayer,
-    Snowfall, StepSpec,
-};
+use firn_protocol::{ColliderBatch, ColliderView, ColumnView, SnowLayer, Snowfall, StepSpec};
+
+use crate::session::{Change, Session, SessionError, Sessions};
 
 use super::setup::{Plate, Setup};
 
@@ -55,7 +54,7 @@ pub(super) async fn carry_out(
 ) -> Result<Recording, SessionError> {
     let (session, _tokens) = sessions.create(setup.spec()).await?;
     let recording = record(&session, setup, progress).await;
-    sessions.delete(setup.name).await?;
+    sessions.delete(&session).await?;
     recording
 }
 

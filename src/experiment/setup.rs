@@ -1,7 +1,7 @@
 //! What the experiments set up: the snow, the objects on it, and how long they are left alone.
 
-use crate::session::{ColliderSpec, SessionSpec, SnowLayer};
-use crate::snow::{Grid, Position, Shape};
+use firn_protocol::{ColliderSpec, SessionSpec, SnowLayer};
+use firn_snow::{Grid, Position, Shape};
 
 /// Columns along each side of the thesis's grid.
 pub const SIDE: u32 = 50;

@@ -1,6 +1,6 @@
 //! The outcome of an experiment, beside the thesis's and the oracle's.
 
-use crate::session::ColumnView;
+use firn_protocol::ColumnView;
 
 use super::reference::Row;
 

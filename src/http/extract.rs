@@ -4,10 +4,11 @@ use axum::body::Bytes;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{FromRequest, FromRequestParts, Request};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, header};
 use serde::de::DeserializeOwned;
 
 use crate::problem::{self, Problem};
+use crate::quote::quote;
 
 use super::query::Params;
 use super::state::App;
@@ -87,7 +88,7 @@ fn expect_json(headers: &HeaderMap) -> Result<(), Problem> {
     if found == "application/json" || is_json_like(&found) {
         return Ok(());
     }
-    let found = if found.is_empty() { "none".to_owned() } else { format!("`{found}`") };
+    let found = if found.is_empty() { "none".to_owned() } else { quote(&found).to_string() };
     Err(Problem::unsupported_media_type(format!(
         "the body must be sent with `Content-Type: application/json`, found {found}"
     )))
@@ -97,16 +98,11 @@ fn is_json_like(essence: &str) -> bool {
     essence.starts_with("application/") && essence.ends_with("+json")
 }
 
-/// Reads a body whole.
+/// The body of a request, which was read whole before.
 ///
 /// # Errors
-/// 413 where it is larger than the server reads, 400 where it breaks off.
+/// None is known.
 pub async fn read_body(request: Request, app: &App) -> Result<Bytes, Problem> {
-    Bytes::from_request(request, app).await.map_err(|rejection| match rejection.status() {
-        StatusCode::PAYLOAD_TOO_LARGE => Problem::too_large(format!(
-            "the body is larger than the {} bytes that this server reads",
-            app.requests.max_body_bytes
-        )),
-        _ => Problem::malformed("the body could not be read to its end"),
-    })
+    let body = Bytes::from_request(request, app).await;
+    body.map_err(|_| Problem::malformed("the body could not be read to its end"))
 }

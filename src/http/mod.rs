@@ -1,25 +1,24 @@
 //! The REST interface: `docs/architecture.md` describes the layers, `api/openapi.json` the calls.
 
 mod accept;
+pub(crate) mod answers;
+pub(crate) mod bodies;
 mod docs;
 mod etag;
 mod extract;
-mod gate;
-mod handlers;
-mod observe;
+pub(crate) mod gate;
+pub(crate) mod handlers;
+pub(crate) mod observe;
 mod page;
 mod query;
-mod reference;
-mod repeat;
-mod router;
-mod run;
+pub(crate) mod reference;
+mod refusals;
+pub(crate) mod repeat;
 mod state;
-mod viewer;
+mod target;
+pub(crate) mod viewer;
 
-pub use docs::document;
 pub use extract::{FromQuery, Query, Segments};
-pub use gate::{Caller, Gate, bearer};
+pub use gate::{Admitted, Caller, Gate, Peer, Unfinished, Visitor, admit, bearer, reload};
 pub use query::Params;
-pub use router::router;
-pub use run::run;
 pub use state::App;

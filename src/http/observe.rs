@@ -12,6 +12,7 @@ use tracing::field::Empty;
 use tracing::{Instrument, Span, debug, debug_span, error};
 use tracing_opentelemetry::OpenTelemetrySpanExt;
 
+use crate::limit::Limit;
 use crate::metrics;
 
 use super::state::App;
@@ -34,6 +35,9 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
         StatusCode::INTERNAL_SERVER_ERROR => error!(status = 500, ?took, "a request failed"),
         _ => debug!(status = status.as_u16(), ?took, "answered"),
     });
+    if let Some(&limit) = response.extensions().get::<Limit>() {
+        app.metrics.limits.reached(limit);
+    }
     let status = status.as_u16();
     app.metrics.requests.answered(&metrics::Request { method, route, status }, took);
     response

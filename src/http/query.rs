@@ -7,6 +7,7 @@ use axum::extract::Query;
 use axum::http::Uri;
 
 use crate::problem::{FieldError, Problem};
+use crate::quote::{quote, shorten};
 
 /// The parameters of one request that have not been taken yet.
 #[derive(Debug)]
@@ -29,7 +30,8 @@ impl Params {
 
     /// Notes a parameter as wrong.
     pub fn reject(&mut self, name: &str, detail: impl Into<String>) {
-        self.errors.push(FieldError { pointer: name.to_owned(), detail: detail.into() });
+        let pointer = shorten(name.to_owned());
+        self.errors.push(FieldError { pointer, detail: detail.into() });
     }
 
     /// Takes a parameter's text.
@@ -48,8 +50,7 @@ impl Params {
         let text = self.text(name)?;
         let value = text.parse().ok();
         if value.is_none() {
-            let shown: String = text.chars().take(40).collect();
-            self.reject(name, format!("expected {expected}, found '{shown}'"));
+            self.reject(name, format!("expected {expected}, found {}", quote(&text)));
         }
         value
     }
@@ -90,8 +91,8 @@ impl Params {
         let found = known.iter().find(|(known, _)| *known == text).map(|(_, value)| *value);
         if found.is_none() {
             let known: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
-            let shown: String = text.chars().take(40).collect();
-            self.reject(name, format!("expected {}, found '{shown}'", known.join(", ")));
+            let known = known.join(", ");
+            self.reject(name, format!("expected {known}, found {}", quote(&text)));
         }
         found
     }
@@ -148,7 +149,7 @@ mod tests {
     fn named(params: Params) -> Vec<String> {
         let problem = params.finish().unwrap_err();
         assert_eq!(problem.status, 422);
-        problem.errors.into_iter().map(|error| error.pointer).collect()
+        problem.errors.iter().map(|error| error.pointer.clone()).collect()
     }
 
     #[test]

@@ -10,7 +10,9 @@ use axum::routing;
 use utoipa_swagger_ui::Config;
 
 use crate::problem::Problem;
+use crate::quote::quote;
 
+use super::answers;
 use super::state::App;
 
 /// Nothing is loaded from another host, no script stands in a page, and no other page frames it.
@@ -48,8 +50,8 @@ async fn file(name: String, request: Request) -> Result<Response, Problem> {
     let found = utoipa_swagger_ui::serve(&name, CONFIG.clone())
         .map_err(|error| Problem::internal(format!("the reference can't be shown: {error}")))?;
     let Some(file) = found else {
-        let path = request.uri().path();
-        return Err(Problem::not_found(format!("there is nothing at '{path}'; see /docs/")));
+        let path = quote(request.uri().path());
+        return Err(Problem::not_found(format!("there is nothing at {path}; see /docs/")));
     };
     let headers = [
         (header::CONTENT_TYPE, file.content_type),
@@ -57,5 +59,5 @@ async fn file(name: String, request: Request) -> Result<Response, Problem> {
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff".to_owned()),
         (header::CACHE_CONTROL, "no-cache".to_owned()),
     ];
-    Ok((headers, file.bytes.into_owned()).into_response())
+    Ok((headers, answers::file(file.bytes)).into_response())
 }

@@ -1,20 +1,22 @@
-//! `Idempotency-Key`: a request that is sent again gets the first answer, and changes nothing.
+//! `Idempotency-Key`: a request that is sent again gets the first answer that was a success, and changes
+//! nothing.
+
+use std::convert::Infallible;
+use std::sync::Arc;
 
 use axum::body::{Body, to_bytes};
-use std::convert::Infallible;
-
-use axum::extract::rejection::RawPathParamsRejection;
-use axum::extract::{FromRequestParts, MatchedPath, RawPathParams, Request, State};
+use axum::extract::{FromRequestParts, MatchedPath, Request, State};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
+use crate::limit::Limit;
 use crate::problem::Problem;
-use crate::session::{Answer, Idempotency, NoPlace, Once, RequestKey};
+use crate::session::{Answer, Idempotency, NoPlace, Once, RequestKey, Session};
 
 use super::extract::read_body;
-use super::gate::bearer;
+use super::gate::{Caller, bearer};
 use super::state::App;
 
 /// The header that names a request.
@@ -54,7 +56,6 @@ impl<S: Sync> FromRequestParts<S> for Keyed {
 pub async fn answer_once(
     State(app): State<App>,
     path: MatchedPath,
-    params: Result<RawPathParams, RawPathParamsRejection>,
     request: Request,
     next: Next,
 ) -> Result<Response, Problem> {
@@ -63,22 +64,26 @@ pub async fn answer_once(
         return Ok(next.run(request).await);
     };
     // Another session may get the name later: its requests are others.
-    let named = params.iter().flatten().find(|(name, _)| *name == "id");
-    let epoch = match named.map(|(_, id)| app.sessions.peek(id)) {
-        None => String::new(),
-        Some(Some(session)) => session.epoch.clone(),
-        Some(None) => return Ok(next.run(request).await),
+    let epoch = match request.extensions().get::<Arc<Session>>() {
+        Some(session) => session.epoch.clone(),
+        // What one tenant creates is nobody else's.
+        None => {
+            let caller = request.extensions().get::<Caller>();
+            caller.and_then(Caller::tenant).unwrap_or_default().to_owned()
+        }
     };
     let key = hash(&[epoch.as_bytes(), path.as_str().as_bytes(), given.as_bytes()]);
+    let token = bearer(request.headers()).unwrap_or_default();
+    let (secret, creator) =
+        (hash(&[given.as_bytes(), token.as_bytes()]), hash(&[token.as_bytes()]));
+    let share = if epoch.is_empty() { creator } else { hash(&[epoch.as_bytes()]) };
     let (mut request, content) = read(request, &app).await?;
-    let place = app.repeats.lookup(key, content).map_err(refuse)?;
+    let place = app.repeats.lookup(key, content, share).map_err(refuse)?;
     // Before the last start, or by a request whose answer was not kept.
     let before = app.sessions.asked_before(&key);
     if before.is_some_and(|before| before != content) {
         return Err(refuse(NoPlace::OtherRequest));
     }
-    let token = bearer(request.headers()).unwrap_or_default();
-    let secret = hash(&[given.as_bytes(), token.as_bytes()]);
     request.extensions_mut().insert(Once { key, request: content, secret });
 
     // A task of its own: where the client goes away, what it began is still done, and noted.
@@ -90,9 +95,15 @@ pub async fn answer_once(
             app.repeats.record(&key, &place, &answer);
             Ok(answer)
         };
-        match place.answer.get_or_try_init(carry_out).await {
+        let answered = place.answer.get_or_try_init(carry_out).await;
+        match answered {
             Ok(answer) => restore(answer, !carried_out || before.is_some()),
-            Err(Unkept(response)) => *response,
+            Err(Unkept(response)) => {
+                if !response.status().is_success() {
+                    app.repeats.give_up(&key, place);
+                }
+                *response
+            }
         }
     });
     answering.await.map_err(|failure| match failure.try_into_panic() {
@@ -101,7 +112,8 @@ pub async fn answer_once(
     })
 }
 
-/// An answer that is not kept: what was asked for was not done, and trying again makes sense.
+/// An answer that is not kept: nothing came of the request, and trying again makes sense; or it is so long
+/// that it is made anew.
 struct Unkept(Box<Response>);
 
 fn given_key(headers: &HeaderMap) -> Result<Option<HeaderValue>, Problem> {
@@ -144,36 +156,39 @@ fn refuse(why: NoPlace) -> Problem {
             ),
         ),
         NoPlace::Full(wait) => Problem::too_many_requests(
-            "the server keeps as many answers for repeats as it may; send fewer keys",
+            "the server keeps as many answers of this session for repeats as it may; send fewer keys",
             u32::try_from(wait.as_secs()).unwrap_or(u32::MAX).max(1),
-        ),
+        )
+        .from_limit(Limit::KeptAnswers),
     }
 }
 
 /// Takes an answer apart to keep it.
 async fn keep(response: Response) -> Result<Answer, Unkept> {
-    let status = response.status();
-    if status.is_server_error() || status == StatusCode::TOO_MANY_REQUESTS {
+    if !response.status().is_success() {
         return Err(Unkept(Box::new(response)));
     }
     let (parts, body) = response.into_parts();
-    let headers = parts.headers.iter();
-    let headers = headers.map(|(name, value)| (name.to_string(), value.as_bytes().to_vec()));
-    let headers = headers.collect();
     // Handlers make their bodies whole, so that this can't fail.
     let body = to_bytes(body, usize::MAX).await.map_err(|_| {
         let problem = Problem::internal("the answer could not be made");
         Unkept(Box::new(problem.into_response()))
     })?;
-    Ok(Answer { status: status.as_u16(), headers, body: body.to_vec() })
+    let headers = parts.headers.iter();
+    let headers = headers.map(|(name, value)| (name.as_str().as_bytes(), value.as_bytes()));
+    let answer = Answer::new(parts.status.as_u16(), headers, &body);
+    if answer.is_short() {
+        return Ok(answer);
+    }
+    Err(Unkept(Box::new(Response::from_parts(parts, Body::from(body)))))
 }
 
 /// Puts an answer together again.
 fn restore(answer: &Answer, replayed: bool) -> Response {
-    let mut response = Response::new(Body::from(answer.body.clone()));
+    let mut response = Response::new(Body::from(answer.body.to_vec()));
     *response.status_mut() = StatusCode::from_u16(answer.status).unwrap_or_default();
-    for (name, value) in &answer.headers {
-        let header = (HeaderName::try_from(name.as_str()), HeaderValue::from_bytes(value));
+    for (name, value) in answer.headers() {
+        let header = (HeaderName::from_bytes(name), HeaderValue::from_bytes(value));
         if let (Ok(name), Ok(value)) = header {
             response.headers_mut().append(name, value);
         }

@@ -1,16 +1,19 @@
 //! What every handler can reach.
 
+use std::io;
 use std::ops::Deref;
 use std::sync::Arc;
 
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
+use crate::budget::Budget;
 use crate::config::{RequestConfig, StreamConfig};
 use crate::metrics::Metrics;
 use crate::render::Renderer;
 use crate::session::{Idempotency, Sessions};
 
+use super::answers::Answers;
 use super::gate::Gate;
 
 /// State shared by all requests and streams. Clones are handles to the same; there are several
@@ -31,8 +34,12 @@ pub struct Shared {
     pub stream: StreamConfig,
     /// Who gets in.
     pub gate: Gate,
+    /// Memory of bodies that are arriving.
+    pub bodies: Budget,
+    /// What large answers take.
+    pub answers: Answers,
     /// Answers to requests that may be repeated.
-    pub repeats: Idempotency,
+    pub repeats: Arc<Idempotency>,
     /// Draws pictures.
     pub renderer: Renderer,
     /// Cancelled when the server begins to stop: streams and long steps end then.
@@ -43,23 +50,32 @@ pub struct Shared {
 
 impl App {
     /// The state of a server that is about to start.
+    ///
+    /// # Errors
+    /// Where the operating system refuses threads.
     pub fn new(
         sessions: Sessions,
         requests: RequestConfig,
         stream: StreamConfig,
         gate: Gate,
-    ) -> App {
-        App(Arc::new(Shared {
-            metrics: Metrics::new(&sessions),
+    ) -> io::Result<App> {
+        sessions.tenants().set_quotas(&gate.access.keys().quotas());
+        let bodies = Budget::new(requests.max_bodies);
+        let answers = Answers::new(requests.max_unsent, requests.request_timeout / 2)?;
+        let repeats = Arc::<Idempotency>::default();
+        Ok(App(Arc::new(Shared {
+            metrics: Metrics::new(&sessions, &bodies, &answers.unsent, &repeats),
             sessions,
             requests,
             stream,
             gate,
-            repeats: Idempotency::default(),
+            bodies,
+            answers,
+            repeats,
             renderer: Renderer::default(),
             draining: CancellationToken::new(),
             streams: TaskTracker::new(),
-        }))
+        })))
     }
 }
 

@@ -4,7 +4,6 @@
 //! each request. A server that was built without them says how to build them.
 
 use axum::Router;
-use axum::body::Bytes;
 use axum::extract::Path;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{Html, IntoResponse, Response};
@@ -12,7 +11,9 @@ use axum::routing::get;
 use rust_embed::{EmbeddedFile, RustEmbed};
 
 use crate::problem::Problem;
+use crate::quote::quote;
 
+use super::answers;
 use super::etag::is_held;
 use super::state::App;
 
@@ -54,7 +55,7 @@ async fn page(headers: HeaderMap) -> Response {
 
 async fn asset(Path(file): Path<String>, headers: HeaderMap) -> Result<Response, Problem> {
     send(&format!("assets/{file}"), FOR_EVER, &headers)
-        .ok_or_else(|| Problem::not_found(format!("the viewer has no file '{file}'")))
+        .ok_or_else(|| Problem::not_found(format!("the viewer has no file {}", quote(&file))))
 }
 
 /// Answers with a file, compressed for those who understand it; `None` where there is no such file.
@@ -78,8 +79,7 @@ fn send(path: &str, caching: &str, request: &HeaderMap) -> Option<Response> {
         return Some((StatusCode::NOT_MODIFIED, headers).into_response());
     }
     let media_type = [(header::CONTENT_TYPE, media_type)];
-    let body = Bytes::from(file.data.into_owned());
-    Some((headers, media_type, encoding, body).into_response())
+    Some((headers, media_type, encoding, answers::file(file.data)).into_response())
 }
 
 /// A strong ETag: the hash of the bytes that are sent.

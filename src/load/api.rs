@@ -1,9 +1,12 @@
 //! The few REST calls that a run needs.
 
-use reqwest::{Client, Method, Response, StatusCode};
-use serde_json::{Value, json};
-
-use crate::config::ApiKey;
+use firn_client::{Client, Error, Method, Session};
+use firn_protocol::{
+    ColliderBatch, ColliderSpec, SessionSpec, SettingsPatch, SnowLayer, Snowfall, StepSpec,
+};
+use firn_snow::Grid;
+use reqwest::StatusCode;
+use serde_json::Value;
 
 use super::{CELL_SIZE, LoadError, Plan};
 
@@ -13,128 +16,130 @@ const SNOW: f64 = 2.0;
 /// Simulated time after which snow counts as settled \[s\].
 const LONGEST_SETTLING: f64 = 600.0;
 
+/// The metric that counts the time of frames.
+const FRAME_TIME: &str = "firn_frame_time_seconds_total";
+
 /// A server.
 pub struct Api {
     client: Client,
-    base: String,
-    key: Option<ApiKey>,
 }
 
 impl Api {
     /// A run's server.
     pub fn new(plan: &Plan) -> Result<Api, LoadError> {
-        let (url, key) = (&plan.url, plan.api_key.clone());
-        let base = url.trim_end_matches('/').to_owned();
-        if !base.starts_with("http://") {
-            return Err(LoadError(format!(
-                "'{url}' is no address without TLS, as in http://127.0.0.1:8080"
-            )));
-        }
-        let client = Client::builder()
-            .build()
-            .map_err(|error| LoadError(format!("no HTTP client: {error}")))?;
-        Ok(Api { client, base, key })
+        Ok(Api { client: plan.client()? })
     }
 
     /// Creates a paused session.
     pub async fn create(&self, id: &str, plan: &Plan) -> Result<(), LoadError> {
-        let body = json!({
-            "id": id,
-            "grid": {"width": plan.grid.width, "depth": plan.grid.depth, "height": plan.height,
-                     "cell_size": CELL_SIZE},
-            "tick_rate": plan.tick_rate,
-            "paused": true,
-            "initial_snow": [{"depth": SNOW}],
-        });
-        self.call(Method::POST, "", Some(body)).await.map(drop)
+        let (width, depth, height) = (plan.grid.width, plan.grid.depth, plan.height);
+        self.create_from(&SessionSpec {
+            id: Some(id.to_owned()),
+            grid: Grid { width, depth, height, cell_size: CELL_SIZE },
+            tick_rate: plan.tick_rate,
+            paused: true,
+            initial_snow: vec![SnowLayer::new(SNOW)],
+            ..SessionSpec::default()
+        })
+        .await
+    }
+
+    /// Creates a session.
+    pub async fn create_from(&self, spec: &SessionSpec) -> Result<(), LoadError> {
+        Ok(self.client.create(spec).await.map(drop)?)
+    }
+
+    /// Puts objects on a session's snow.
+    pub async fn put(&self, id: &str, put: Vec<ColliderSpec>) -> Result<(), LoadError> {
+        let batch = ColliderBatch { put, delete: Vec::new() };
+        Ok(self.session(id)?.change_colliders(&batch).await.map(drop)?)
+    }
+
+    /// Asks for something below a session, whatever comes of it, and lets go of the answer piece by
+    /// piece; its status.
+    pub async fn ask(
+        &self,
+        method: Method,
+        path: &str,
+        body: Option<Value>,
+    ) -> Result<StatusCode, LoadError> {
+        let path = format!("/v1/sessions{path}");
+        let mut response = self.client.send(method, &path, body.as_ref()).await?;
+        let broken = |error| LoadError(format!("the answer to {path} broke off: {error}"));
+        while response.chunk().await.map_err(broken)?.is_some() {}
+        Ok(response.status())
     }
 
     /// Steps a paused session until its snow rests.
     pub async fn settle(&self, id: &str) -> Result<(), LoadError> {
-        let body = json!({"until_settled": true, "max_seconds": LONGEST_SETTLING});
-        self.call(Method::POST, &format!("/{id}/step"), Some(body)).await.map(drop)
+        let step = StepSpec {
+            until_settled: Some(true),
+            max_seconds: Some(LONGEST_SETTLING),
+            ..StepSpec::default()
+        };
+        Ok(self.session(id)?.step(&step).await.map(drop)?)
     }
 
     /// Sets a session running.
     pub async fn unpause(&self, id: &str) -> Result<(), LoadError> {
-        let body = json!({"paused": false});
-        self.call(Method::PATCH, &format!("/{id}"), Some(body)).await.map(drop)
+        let settings = SettingsPatch { paused: Some(false), ..SettingsPatch::default() };
+        Ok(self.session(id)?.set(&settings).await.map(drop)?)
     }
 
     /// Lets as little snow fall as a session takes in.
     pub async fn snow(&self, id: &str) -> Result<(), LoadError> {
-        let body = json!({"depth": CELL_SIZE / 200.0});
-        let response = self.call(Method::POST, &format!("/{id}/snowfalls"), Some(body)).await?;
-        // The connection is only used again once the answer is read.
-        let read = response.bytes().await;
-        read.map(drop).map_err(|error| LoadError(format!("an answer broke off: {error}")))
+        let depth = CELL_SIZE / 200.0;
+        Ok(self.session(id)?.snowfall(&Snowfall::new(depth)).await.map(drop)?)
     }
 
     /// Ticks of a session so far.
     pub async fn tick(&self, id: &str) -> Result<u64, LoadError> {
-        let response = self.call(Method::GET, &format!("/{id}"), None).await?;
-        let session: Value = response
-            .json()
-            .await
-            .map_err(|error| LoadError(format!("the session '{id}' can't be read: {error}")))?;
-        session["tick"].as_u64().ok_or_else(|| LoadError(format!("'{id}' has no tick")))
+        Ok(self.session(id)?.view().await?.tick)
+    }
+
+    /// Device time that a session has been charged with \[s\].
+    pub async fn device_seconds(&self, id: &str) -> Result<f64, LoadError> {
+        Ok(self.session(id)?.usage().await?.device_seconds)
+    }
+
+    /// Time that the server's frames have taken \[s\].
+    pub async fn frame_seconds(&self) -> Result<f64, LoadError> {
+        let unknown = |why: &str| LoadError(format!("/metrics does not tell {FRAME_TIME}: {why}"));
+        let response = self.client.send(Method::GET, "/metrics", None::<&Value>).await?;
+        let text = response.text().await.map_err(|error| unknown(&error.to_string()))?;
+        let seconds =
+            text.lines().find_map(|line| line.strip_prefix(FRAME_TIME)?.trim().parse().ok());
+        seconds.ok_or_else(|| unknown("this is not a Firn server that the tool knows"))
     }
 
     /// Deletes a session, if it is there.
     pub async fn delete(&self, id: &str) -> Result<(), LoadError> {
-        let response = self.send(Method::DELETE, &format!("/{id}"), None).await?;
-        if response.status() == StatusCode::NOT_FOUND {
-            return Ok(());
-        }
-        checked(response, "DELETE").await.map(drop)
+        Ok(self.session(id)?.delete().await?)
     }
 
-    async fn call(
-        &self,
-        method: Method,
-        path: &str,
-        body: Option<Value>,
-    ) -> Result<Response, LoadError> {
-        let what = format!("{method} /v1/sessions{path}");
-        checked(self.send(method, path, body).await?, &what).await
+    fn session(&self, id: &str) -> Result<Session, LoadError> {
+        Ok(self.client.session(id)?)
     }
+}
 
-    async fn send(
-        &self,
-        method: Method,
-        path: &str,
-        body: Option<Value>,
-    ) -> Result<Response, LoadError> {
-        let url = format!("{}/v1/sessions{path}", self.base);
-        let mut request = self.client.request(method, &url);
-        if let Some(key) = &self.key {
-            request = request.bearer_auth(key.secret());
-        }
-        if let Some(body) = body {
-            request = request.json(&body);
-        }
-        request.send().await.map_err(|error| {
-            LoadError(format!(
-                "{url} can't be reached: {}; start a server with `firn serve`, or name another \
-                 with --url",
-                root_cause(&error)
-            ))
+impl From<Error> for LoadError {
+    fn from(error: Error) -> LoadError {
+        LoadError(match error {
+            Error::Unreachable { .. } => {
+                format!("{error}; start a server with `firn serve`, or name another with --url")
+            }
+            error => error.to_string(),
         })
     }
 }
 
-/// What is behind an error: the outer ones repeat what was tried.
-fn root_cause(error: &dyn std::error::Error) -> String {
-    error.source().map_or_else(|| error.to_string(), root_cause)
-}
-
-/// A response, unless it is a problem.
-async fn checked(response: Response, what: &str) -> Result<Response, LoadError> {
-    let status = response.status();
-    if status.is_success() {
-        return Ok(response);
+/// Why a client was dropped, in the same words for all that fared the same.
+pub fn cause(error: &Error) -> String {
+    match error {
+        Error::Refused { problem, .. } => format!("refused with {}", problem.status),
+        Error::Unreachable { why, .. } => format!("not connected: {why}"),
+        Error::Closed { code, .. } => format!("closed with {code}"),
+        Error::Unreadable { .. } => "a message that can't be read".to_owned(),
+        error => error.to_string(),
     }
-    let problem: Value = response.json().await.unwrap_or_default();
-    let detail = problem["detail"].as_str().unwrap_or("no details").to_owned();
-    Err(LoadError(format!("{what} was answered with {status}: {detail}")))
 }

@@ -2,11 +2,10 @@
 
 use std::borrow::Cow;
 
+use firn_client::Raw;
+use firn_protocol::heights;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
-use tokio_tungstenite::tungstenite::Message;
-
-use crate::stream::codec;
 
 /// A message of heights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,11 +64,10 @@ struct JsonProblem {
 }
 
 /// Reads a message; `None` where it can't be read.
-pub fn read(message: &Message) -> Option<Content> {
+pub fn read(message: &Raw) -> Option<Content> {
     let text = match message {
-        Message::Text(text) => text,
-        Message::Binary(bytes) => return read_binary(bytes).map(Content::Heights),
-        _ => return Some(Content::Other),
+        Raw::Text(text) => text,
+        Raw::Binary(bytes) => return read_binary(bytes).map(Content::Heights),
     };
     let json: Json = serde_json::from_str(text).ok()?;
     Some(match &*json.op {
@@ -87,8 +85,8 @@ pub fn read(message: &Message) -> Option<Content> {
 }
 
 fn read_binary(bytes: &[u8]) -> Option<Told> {
-    let message = codec::decode(bytes).ok()?;
-    let columns = |run: &codec::Run| {
+    let message = heights::decode(bytes).ok()?;
+    let columns = |run: &heights::Run| {
         u64::from(run.count) * u64::from(run.tile.width) * u64::from(run.tile.depth)
     };
     Some(Told {
@@ -106,7 +104,7 @@ mod tests {
 
     #[test]
     fn binary_messages_count_the_same() {
-        let head = codec::Head {
+        let head = heights::Head {
             snapshot: true,
             id: 1,
             seq: 7,
@@ -118,16 +116,16 @@ mod tests {
         };
         // Two tiles that are alike, and one that is clipped.
         let (whole, clipped) =
-            (codec::encode_tile(8, 8, 1, &[5; 64]), codec::encode_tile(3, 2, 1, &[1; 6]));
-        let bytes = codec::encode(&head, &[(1, &whole), (2, &whole), (3, &clipped)], None);
+            (heights::encode_tile(8, 8, 1, &[5; 64]), heights::encode_tile(3, 2, 1, &[1; 6]));
+        let bytes = heights::encode(&head, &[(1, &whole), (2, &whole), (3, &clipped)], None);
         let told = Told { snapshot: true, seq: 7, tick: 3, columns: 134, more: false };
-        assert_eq!(read(&Message::binary(bytes.clone())), Some(Content::Heights(told)));
-        assert_eq!(read(&Message::binary(bytes[..bytes.len() - 1].to_vec())), None);
+        assert_eq!(read(&Raw::Binary(bytes.clone().into())), Some(Content::Heights(told)));
+        assert_eq!(read(&Raw::Binary(bytes[..bytes.len() - 1].to_vec().into())), None);
     }
 
     #[test]
     fn messages_are_told_apart() {
-        let of = |text: &str| read(&Message::text(text.to_owned()));
+        let of = |text: &str| read(&Raw::Text(text.into()));
         let delta = r#"{"op":"delta","id":1,"seq":7,"tick":3,"tiles":[
             {"column_x":0,"column_z":8,"width":8,"depth":2,"heights":[1,2.5]},
             {"column_x":8,"column_z":8,"width":1,"depth":2,"heights":[1,2]}],"more":true}"#;

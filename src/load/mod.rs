@@ -4,6 +4,7 @@
 
 mod api;
 mod durable;
+mod hostile;
 mod message;
 mod mover;
 mod plan;
@@ -15,6 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use firn_client::Client;
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
@@ -25,7 +27,10 @@ use api::Api;
 use tally::{Moves, Tally};
 
 pub use durable::{DurableReport, run_durable};
-pub use plan::{Extent, Plan, Protocol};
+pub use hostile::{
+    Alone, Attack, Beside, Got, HostileReport, Measured, Rise, Scenario, run_hostile,
+};
+pub use plan::{Extent, Plan};
 pub use report::{Memory, Percentiles, Report};
 
 /// Side of a column \[m\].
@@ -63,6 +68,7 @@ pub struct Progress {
 
 /// What all clients of a run share.
 struct Shared {
+    client: Client,
     zero: Instant,
     /// Cancelled when the run begins, once every client is connected.
     begin: CancellationToken,
@@ -80,8 +86,9 @@ struct Shared {
 }
 
 impl Shared {
-    fn new(sessions: usize) -> Shared {
+    fn new(client: Client, sessions: usize) -> Shared {
         Shared {
+            client,
             zero: Instant::now(),
             begin: CancellationToken::new(),
             end: CancellationToken::new(),
@@ -160,7 +167,7 @@ async fn measure(
     stop: &CancellationToken,
 ) -> Result<Report, LoadError> {
     let memory_before = plan.server_pid.map(resident).transpose()?;
-    let shared = Arc::new(Shared::new(ids.len()));
+    let shared = Arc::new(Shared::new(plan.client()?, ids.len()));
     let mut viewers = JoinSet::new();
     for number in 0..plan.clients {
         viewers.spawn(viewer::watch(plan.clone(), number, ids.to_vec(), shared.clone()));

@@ -4,15 +4,17 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use futures_util::SinkExt;
-use serde_json::{Value, json};
+use firn_client::Stream;
+use firn_protocol::stream::{Command, SubProtocol};
+use firn_protocol::{ColliderBatch, ColliderSpec};
+use firn_snow::{Position, Shape};
 use tokio::time::MissedTickBehavior;
-use tokio_tungstenite::tungstenite::Message;
 
+use super::api::cause;
 use super::message::{self, Content};
 use super::tally::Moves;
-use super::viewer::{Socket, close, next, open};
-use super::{CELL_SIZE, Plan, Protocol, Shared};
+use super::viewer::open;
+use super::{CELL_SIZE, Plan, Shared};
 
 /// Least columns of a grid that objects move on, along each side.
 pub const LEAST_SIDE: u32 = 8;
@@ -36,7 +38,7 @@ pub async fn drive(plan: Plan, id: String, shared: Arc<Shared>) -> Moves {
 }
 
 async fn live(plan: &Plan, id: &str, shared: &Shared, moves: &mut Moves) -> Result<(), String> {
-    let mut socket = open(plan, Protocol::Json, id).await?;
+    let mut stream = open(&shared.client, id, SubProtocol::Json).await?;
     let began = Instant::now();
     let mut beat = tokio::time::interval(Duration::from_secs_f64(1.0 / plan.tick_rate));
     beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -50,7 +52,7 @@ async fn live(plan: &Plan, id: &str, shared: &Shared, moves: &mut Moves) -> Resu
         let content = tokio::select! {
             biased;
             () = shared.end.cancelled() => break,
-            content = ask(&mut socket, &batch) => content?,
+            content = ask(&mut stream, &batch) => content?,
         };
         if shared.counting.load(Ordering::Relaxed) {
             match content {
@@ -62,16 +64,15 @@ async fn live(plan: &Plan, id: &str, shared: &Shared, moves: &mut Moves) -> Resu
             }
         }
     }
-    close(socket).await;
+    stream.close().await;
     Ok(())
 }
 
 /// Sends a batch and waits for the answer.
-async fn ask(socket: &mut Socket, batch: &Value) -> Result<Content, String> {
-    let sent = socket.send(Message::text(batch.to_string())).await;
-    sent.map_err(|_| "connection lost".to_owned())?;
+async fn ask(stream: &mut Stream, batch: &Command) -> Result<Content, String> {
+    stream.send(batch).await.map_err(|error| cause(&error))?;
     loop {
-        let content = message::read(&next(socket).await?);
+        let content = message::read(&stream.next_raw().await.map_err(|error| cause(&error))?);
         if let Some(content @ (Content::Ack | Content::Refused(_))) = content {
             return Ok(content);
         }
@@ -79,24 +80,24 @@ async fn ask(socket: &mut Socket, batch: &Value) -> Result<Content, String> {
 }
 
 /// All objects as they stand at a time \[s\]: each on its own curve all over the grid.
-fn batch(plan: &Plan, time: f64) -> Value {
+fn batch(plan: &Plan, time: f64) -> Command {
     let along = |columns: u32, phase: f64| {
         let middle = f64::from(columns) * CELL_SIZE / 2.0;
         // A hair inside, whatever the rounding.
         let reach = middle - SIDE / 2.0 - CELL_SIZE / 100.0;
         middle + reach * (time * SPEED / reach + phase).sin()
     };
-    let put: Vec<Value> = (0..plan.colliders)
-        .map(|i| {
-            let phase = i as f64;
-            json!({
-                "id": format!("object-{i}"),
-                "mass": MASS,
-                "shape": {"type": "box", "width": SIDE, "depth": SIDE},
-                "position": {"x": along(plan.grid.width, 2.4 * phase),
-                             "z": along(plan.grid.depth, 1.1 + 1.7 * phase)},
-            })
-        })
-        .collect();
-    json!({"op": "colliders.batch", "id": 1, "put": put})
+    let object = |i: usize| {
+        let phase = i as f64;
+        let x = along(plan.grid.width, 2.4 * phase);
+        let z = along(plan.grid.depth, 1.1 + 1.7 * phase);
+        ColliderSpec {
+            id: Some(format!("object-{i}")),
+            mass: MASS,
+            shape: Shape::Box { width: SIDE, depth: SIDE },
+            position: Position { x, z },
+        }
+    };
+    let put = (0..plan.colliders).map(object).collect();
+    Command::Colliders { id: 1, batch: ColliderBatch { put, delete: Vec::new() } }
 }

@@ -3,6 +3,9 @@
 use std::str::FromStr;
 use std::time::Duration;
 
+use firn_client::Client;
+use firn_protocol::stream::SubProtocol;
+
 use crate::config::ApiKey;
 
 use super::{LoadError, mover};
@@ -27,25 +30,6 @@ impl FromStr for Extent {
     }
 }
 
-/// How viewers are told heights.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Protocol {
-    /// As JSON.
-    Json,
-    /// As packed bytes.
-    Bin,
-}
-
-impl Protocol {
-    /// Its name in the handshake.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Protocol::Json => "firn.v1.json",
-            Protocol::Bin => "firn.v1.bin",
-        }
-    }
-}
-
 /// What load is put on.
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -54,7 +38,7 @@ pub struct Plan {
     /// The server's API key, where it asks for one.
     pub api_key: Option<ApiKey>,
     /// How viewers are told heights.
-    pub protocol: Protocol,
+    pub protocol: SubProtocol,
     /// Sessions, each with its own objects.
     pub sessions: usize,
     /// Viewers of all sessions together.
@@ -84,6 +68,18 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// The server, asked as the plan says.
+    ///
+    /// # Errors
+    /// Where its address is none.
+    pub(super) fn client(&self) -> Result<Client, LoadError> {
+        let client = Client::new(&self.url)?;
+        Ok(match &self.api_key {
+            Some(key) => client.with_key(key.secret())?,
+            None => client,
+        })
+    }
+
     /// Says what can't be carried out.
     ///
     /// # Errors

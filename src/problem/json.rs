@@ -3,11 +3,10 @@
 use serde::de::{DeserializeOwned, IgnoredAny};
 use serde_path_to_error::{Path, Segment, Track};
 
+use crate::quote::shorten;
+
 use super::Problem;
 use super::strict::Strict;
-
-/// Longest part of a request that is repeated in an answer \[bytes\].
-const LONGEST_QUOTE: usize = 300;
 
 /// Reads a value from JSON text.
 ///
@@ -40,7 +39,7 @@ fn explain(path: &Path, message: &str) -> Problem {
     // a field too many.
     for prefix in ["missing field ", "unknown field ", "duplicate field "] {
         if let Some(field) = quoted_after(message, prefix)
-            && (prefix == "missing field " || !pointer.ends_with(&format!("/{}", escape(field))))
+            && (prefix == "missing field " || !pointer.ends_with(&token(field)))
         {
             push_token(&mut pointer, field);
         }
@@ -61,13 +60,13 @@ fn pointer(path: &Path) -> String {
     pointer
 }
 
-fn push_token(pointer: &mut String, token: &str) {
-    pointer.push('/');
-    pointer.push_str(&escape(token));
+fn push_token(pointer: &mut String, name: &str) {
+    pointer.push_str(&token(name));
 }
 
-fn escape(token: &str) -> String {
-    token.replace('~', "~0").replace('/', "~1")
+/// A name as it stands in a pointer.
+fn token(name: &str) -> String {
+    format!("/{}", shorten(name.to_owned()).replace('~', "~0").replace('/', "~1"))
 }
 
 /// What stands in backticks behind a prefix.
@@ -135,19 +134,10 @@ fn found_words(found: &str) -> String {
     }
 }
 
-fn shorten(mut text: String) -> String {
-    if text.len() > LONGEST_QUOTE {
-        let end = (0..=LONGEST_QUOTE).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);
-        text.truncate(end);
-        text.push('…');
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::{ColliderSpec, SessionSpec, Snowfall, StepSpec};
+    use firn_protocol::{ColliderSpec, SessionSpec, Snowfall, StepSpec};
 
     fn wrong<T: DeserializeOwned>(json: &str) -> (u16, String, String) {
         let Err(problem) = parse::<T>(json.as_bytes()) else { panic!("{json} was accepted") };

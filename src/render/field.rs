@@ -1,9 +1,8 @@
 //! What the colours of a picture can show.
 
+use firn_snow::Sample;
 use serde::Serialize;
 use utoipa::ToSchema;
-
-use crate::snow::Sample;
 
 /// A quantity that colours show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ToSchema)]

@@ -26,6 +26,8 @@ pub use scale::{COLOURS, Scale};
 pub use scene::{Prism, Vertex};
 pub use snow::{Snow, SnowCell};
 
+use crate::threads::Pool;
+
 use camera::Sight;
 use canvas::Canvas;
 use painter::Shot;
@@ -37,10 +39,12 @@ use scene::Scene;
 /// [`RenderError`].
 pub async fn draw(
     renderer: &Renderer,
+    threads: &Pool,
     picture: Picture,
     snow: Snow,
 ) -> Result<Vec<u8>, RenderError> {
-    let (shot, sight) = off_thread(move || shoot(&picture, &snow)).await?;
+    let shot = threads.run(move || shoot(&picture, &snow)).await;
+    let (shot, sight) = shot.ok_or(RenderError::Panicked)?;
     let (scale, bounds) = (shot.scene.scale.clone(), shot.scene.bounds);
     let pixels = renderer.paint(shot).await?;
     let finish = move || {
@@ -52,7 +56,7 @@ pub async fn draw(
         }
         canvas.png(picture.background == Background::Transparent)
     };
-    Ok(off_thread(finish).await??)
+    Ok(threads.run(finish).await.ok_or(RenderError::Panicked)??)
 }
 
 /// What is to be drawn, and how it is seen.
@@ -70,11 +74,4 @@ fn shoot(picture: &Picture, snow: &Snow) -> (Shot, Sight) {
     };
     let background = picture.background.colour();
     (Shot { size: (picture.width, picture.height), area, view, background, scene }, sight)
-}
-
-/// Does work that takes a while off the threads that serve everybody.
-async fn off_thread<T: Send + 'static>(
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Result<T, RenderError> {
-    tokio::task::spawn_blocking(work).await.map_err(|_| RenderError::Panicked)
 }

@@ -4,10 +4,9 @@ mod pipeline;
 mod target;
 
 use bytemuck::{Pod, Zeroable};
+use firn_engine::frame::EngineError;
+use firn_engine::gpu::device::{Device, Purpose};
 use wgpu::util::{BufferInitDescriptor, DeviceExt, TextureDataOrder};
-
-use crate::engine::frame::EngineError;
-use crate::engine::gpu::device::Device;
 
 use super::renderer::Paint;
 use super::scale::COLOURS;
@@ -70,7 +69,7 @@ impl Painter {
     /// # Errors
     /// [`EngineError::NoAdapter`], or [`EngineError::DeviceFailed`] where it can't draw.
     pub fn open() -> Result<Painter, EngineError> {
-        let device = Device::open()?;
+        let device = Device::open(Purpose::Draw)?;
         let pipelines = Pipelines::new(&device.device);
         device.check()?;
         Ok(Painter { device, pipelines, target: None })

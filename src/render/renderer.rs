@@ -11,10 +11,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use firn_engine::frame::EngineError;
 use tokio::sync::oneshot;
 use tracing::warn;
 
-use crate::engine::frame::EngineError;
+use crate::threads::{self, Priority};
 
 use super::painter::{Painter, Shot};
 
@@ -130,6 +131,8 @@ impl Worker {
 
 /// Draws what arrives until nobody can ask for more.
 fn work(shots: &Receiver<(Shot, Reply)>, open: &Open) {
+    // So do the threads of a software device that it opens.
+    threads::give_way(Priority::Low);
     let mut painter = None;
     loop {
         match shots.recv_timeout(IDLE) {
@@ -178,8 +181,8 @@ mod tests {
 
     use super::*;
     use crate::render::{Picture, Snow, shoot};
-    use crate::session::SessionSpec;
-    use crate::snow::ColumnRect;
+    use firn_protocol::SessionSpec;
+    use firn_snow::ColumnRect;
 
     fn shot() -> Shot {
         let region = ColumnRect { x0: 0, z0: 0, x1: 1, z1: 1 };

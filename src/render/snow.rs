@@ -1,7 +1,7 @@
 //! What a picture is made from: columns of snow, read by whoever wants the picture.
 
-use crate::session::{ColliderView, SessionSpec};
-use crate::snow::{ColumnRect, Content, Sample};
+use firn_protocol::{ColliderView, SessionSpec};
+use firn_snow::{ColumnRect, Content, Sample};
 
 /// Snow of a region of columns, and what stands there. Lists of columns go row by row.
 #[derive(Clone, Debug)]

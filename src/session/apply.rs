@@ -2,20 +2,22 @@
 
 mod colliders;
 
+use firn_engine::frame::Edit;
+use firn_protocol::{Clearing, Region, Settings, SettingsPatch, Snowfall};
+use firn_snow::{ColumnRect, Grid, Material};
 use tracing::warn;
 
-use crate::engine::frame::Edit;
-use crate::snow::{ColumnRect, Grid, Material};
+use crate::quote::quote;
 
-use super::change::{Change, Clearing, Region, SettingsPatch, Snowfall};
+use self::colliders::name_collider;
+use super::answer::Answer;
+use super::change::Applied;
+use super::change::Change;
 use super::error::{Check, SessionError};
 use super::journal::Event;
 use super::once::Once;
-use super::orders::{Answer, Reply, ReplyKind};
+use super::orders::{Reply, ReplyKind};
 use super::simulation::Simulation;
-use super::view::{Applied, Settings};
-
-use self::colliders::name_collider;
 
 impl Simulation {
     /// Takes a change into the next frame, or refuses it whole.
@@ -26,6 +28,7 @@ impl Simulation {
         most_colliders: usize,
         answer: Answer<Applied>,
     ) {
+        self.next.changes += change.entries();
         name_collider(&mut change);
         let tick = self.clock.tick();
         match self.apply(&change, Some(most_colliders)) {
@@ -34,7 +37,7 @@ impl Simulation {
                 self.next.replies.push(Reply::Change { kind, once, answer: Some(answer) });
             }
             // Nobody is left to be told where this fails.
-            Err(error) => drop(answer.send(Err(error))),
+            Err(error) => answer.give(Err(error)),
         }
     }
 
@@ -68,7 +71,8 @@ impl Simulation {
             Change::CreateCollider(spec) => {
                 if let Some(id) = spec.id.as_deref().filter(|id| self.colliders.contains_key(*id)) {
                     return Err(SessionError::Conflict(format!(
-                        "there is a collider '{id}' already; PUT replaces it"
+                        "there is a collider {} already; PUT replaces it",
+                        quote(id)
                     )));
                 }
                 self.put_collider(spec, most)
@@ -106,7 +110,7 @@ impl Simulation {
         let columns = columns_in(clearing.region.as_ref(), &grid, &mut check);
         check.finish()?;
         let depth = grid.thickness_quanta(clearing.depth) as u32;
-        self.disturb();
+        self.disturb(columns.tiles().columns());
         self.next.edits.push(Edit::Clear { columns, depth });
         Ok(ReplyKind::Clearing { edit: self.next.edits.len() - 1 })
     }

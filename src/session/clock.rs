@@ -1,8 +1,7 @@
 //! When a snowpack is stepped: ticks, simulated time, and the cycles they make.
 
+use firn_engine::frame::Run;
 use serde::{Deserialize, Serialize};
-
-use crate::engine::frame::Run;
 
 /// Frames per second: the instants at which ticks can fall.
 pub const FRAME_RATE: f64 = 60.0;

@@ -1,5 +1,9 @@
 //! What can go wrong with a request about a session.
 
+use firn_engine::frame::EngineError;
+
+use crate::quote::quote;
+
 /// One part of a request that can't be accepted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Invalid {
@@ -20,7 +24,7 @@ impl Invalid {
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum SessionError {
     /// There is no such session, collider or column.
-    #[error("there is no {kind} '{id}'")]
+    #[error("there is no {kind} {}", quote(.id))]
     NotFound {
         /// What was looked for.
         kind: &'static str,
@@ -36,21 +40,45 @@ pub enum SessionError {
     /// Fields are invalid or beyond a limit of a session.
     #[error("the request is not valid")]
     Invalid(Vec<Invalid>),
+    /// As many requests wait for the session as may.
+    #[error("{0}")]
+    TooManyWaiting(String),
     /// A total of the whole server is reached.
     #[error("{0}")]
     ServerFull(String),
+    /// A quota of the tenant is reached.
+    #[error("{0}")]
+    QuotaReached(String),
     /// The device's memory is full.
     #[error("{0}")]
     OutOfMemory(String),
+    /// The server's own memory is full.
+    #[error("{0}")]
+    NoMemory(String),
     /// The change can't be stored: the disk is full, or fails.
     #[error("{0}")]
     StorageFailed(String),
+    /// What is stored is not where it was any more: the next start would not find the change.
+    #[error("{0}")]
+    StorageGone(String),
+    /// The session takes no changes until an administrator unlocks it.
+    #[error("{0}")]
+    Locked(String),
     /// The engine is stopping, or has failed.
     #[error("{0}")]
     Unavailable(String),
     /// Handling the request failed inside the server.
     #[error("{0}")]
     Internal(String),
+}
+
+impl From<EngineError> for SessionError {
+    fn from(error: EngineError) -> SessionError {
+        match error {
+            EngineError::OutOfMemory(_) => SessionError::OutOfMemory(error.to_string()),
+            _ => SessionError::Unavailable(error.to_string()),
+        }
+    }
 }
 
 /// Collects what is wrong with a request, so that its author learns all of it at once.

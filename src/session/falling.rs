@@ -1,10 +1,8 @@
 //! Continuous snowfall, kept to the fraction of a quantum until there is enough to deposit.
 
+use firn_protocol::SessionSpec;
+use firn_snow::{CELL, Grid, MASS_QUANTA};
 use serde::{Deserialize, Serialize};
-
-use crate::snow::{CELL, Grid, MASS_QUANTA};
-
-use super::spec::SessionSpec;
 
 /// Least depth that is deposited, h/256, in quanta.
 const LEAST: f64 = (CELL / 256) as f64;

@@ -1,11 +1,9 @@
 //! Views made of the cells themselves, read back from the device on demand.
 
+use firn_engine::frame::TileCells;
+use firn_protocol::{ColumnView, LayerView, MassView, Stamp};
+use firn_snow::{CELL, Grid, MASS_QUANTA, Material, Sample};
 use serde::{Deserialize, Serialize};
-
-use crate::engine::frame::TileCells;
-use crate::snow::{CELL, Grid, MASS_QUANTA, Material, Sample};
-
-use super::view::{ColumnView, LayerView, MassView, Stamp};
 
 /// Cells of some tiles, and when they were as they are here.
 #[derive(Clone, Debug)]

@@ -3,33 +3,38 @@
 use std::any::Any;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard};
+use std::time::Duration;
 
-use tokio::sync::{Semaphore, broadcast, mpsc, watch};
+use firn_engine::frame::cell_bytes;
+use firn_protocol::{Event, SessionSpec, SessionView, Stamp, State};
+use firn_snow::CELL;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
-use crate::engine::frame::cell_bytes;
-use crate::snow::CELL;
-
+use super::answer::WaitingRoom;
 use super::clock::Clock;
-use super::event::Event;
-use super::journal::Identity;
+use super::error::SessionError;
+use super::journal::{Identity, Weight};
+use super::memory::Companion;
 use super::message::Message;
 use super::mirror::Mirror;
 use super::once::Answered;
 use super::registry::Sessions;
 use super::snapshot::Snapshot;
-use super::spec::{Limits, SessionSpec};
+use super::spec::Limits;
+use super::tenant::Tenant;
 use super::token::TokenHashes;
-use super::view::{SessionView, Stamp, State};
 
 /// Events a stream client that is slower than this many of them loses the oldest.
-const EVENT_BACKLOG: usize = 64;
+pub(super) const EVENT_BACKLOG: usize = 64;
 
 /// A session. Reads are served from its mirror; changes go to the world's thread.
 #[derive(Debug)]
 pub struct Session {
     /// Its name.
     pub id: String,
+    /// Whom it belongs to: the operator where there is none.
+    pub tenant: Option<Arc<Tenant>>,
     /// What it was created with.
     pub spec: SessionSpec,
     /// Names this life of the session: with `seq` it names one state.
@@ -50,6 +55,8 @@ pub struct Session {
     pub(super) gone: CancellationToken,
     /// Its memory is freed, and its time stands still.
     pub(super) hibernating: AtomicBool,
+    /// It takes no changes: see `lock.rs`.
+    pub(super) locked: AtomicBool,
     /// Seqs, first and last, whose states were lost.
     lost: RwLock<Arc<[(u64, u64)]>>,
     /// Lowest and highest elevation of the ground \[m\].
@@ -58,26 +65,36 @@ pub struct Session {
     pub(super) visitors: AtomicU32,
     /// Frame in which somebody was last known to be with it.
     pub(super) last_used: AtomicU64,
+    pub(super) waiting: WaitingRoom,
+    /// The one place for a large answer that the world has to find.
+    finding: Arc<Semaphore>,
     pub(super) world: mpsc::Sender<Message>,
+    /// Device time that it has taken \[ns\].
+    pub(super) device_ns: AtomicU64,
     /// Frames so far, of all sessions.
     pub(super) frames: Arc<AtomicU64>,
     pub(super) answered: Arc<Answered>,
-    companion: OnceLock<Arc<dyn Any + Send + Sync>>,
+    /// Memory that the journal holds of it.
+    pub(super) journal_weight: Weight,
+    companion: OnceLock<Arc<dyn Companion>>,
 }
 
 impl Session {
     pub(super) fn new(
         sessions: &Sessions,
         id: String,
+        tenant: Option<&Tenant>,
         spec: SessionSpec,
         origin: Option<Arc<[u8]>>,
         tokens: TokenHashes,
-    ) -> Session {
+    ) -> Result<Session, SessionError> {
         let key = sessions.keys.fetch_add(1, Ordering::Relaxed);
         let identity = Identity {
             id,
             epoch: ulid::Ulid::generate().to_string(),
             created_at: humantime::format_rfc3339_millis(std::time::SystemTime::now()).to_string(),
+            owner: tenant.map(|tenant| tenant.name.clone()),
+            weight: Weight::default(),
             tokens,
             spec,
         };
@@ -85,19 +102,31 @@ impl Session {
     }
 
     /// A session that is known already.
+    ///
+    /// # Errors
+    /// [`SessionError::NoMemory`].
     pub(super) fn identified(
         sessions: &Sessions,
         key: u64,
         identity: Identity,
         origin: Option<Arc<[u8]>>,
-    ) -> Session {
-        let Identity { id, epoch, created_at, tokens, spec } = identity;
+    ) -> Result<Session, SessionError> {
+        let Identity { id, epoch, created_at, owner, weight, tokens, mut spec } = identity;
+        // A list that was read has room to grow.
+        spec.initial_snow.shrink_to_fit();
         let clock = Clock::new(spec.tick_rate, spec.time_scale);
         let mirror = Mirror::new(spec.grid, spec.material, spec.settings(), clock);
-        Session {
+        let mirror = mirror.map_err(|error| {
+            let columns = spec.grid.columns();
+            SessionError::NoMemory(format!(
+                "there is no memory for the heights of {columns} columns: {error}"
+            ))
+        })?;
+        Ok(Session {
             id,
             epoch,
             created_at,
+            tenant: owner.map(|name| sessions.tenants().named(&name)),
             origin,
             limits: *sessions.limits(),
             decoding: sessions.decoding.clone(),
@@ -108,16 +137,21 @@ impl Session {
             events: broadcast::Sender::new(EVENT_BACKLOG),
             gone: CancellationToken::new(),
             hibernating: AtomicBool::new(false),
+            locked: AtomicBool::new(false),
             lost: RwLock::new(Arc::new([])),
             ground: spec.ground_range(),
             visitors: AtomicU32::new(0),
+            device_ns: AtomicU64::new(0),
             last_used: AtomicU64::new(sessions.frames.load(Ordering::Relaxed)),
+            waiting: WaitingRoom::default(),
+            finding: Arc::new(Semaphore::new(1)),
             world: sessions.world.clone(),
             frames: sessions.frames.clone(),
             answered: sessions.answered.clone(),
+            journal_weight: weight,
             companion: OnceLock::new(),
             spec,
-        }
+        })
     }
 
     /// Goes on from what was published before the server was started.
@@ -143,6 +177,8 @@ impl Session {
             id: self.id.clone(),
             epoch: self.epoch.clone(),
             created_at: self.created_at.clone(),
+            owner: self.tenant.as_ref().map(|tenant| tenant.name.clone()),
+            weight: self.journal_weight.clone(),
             tokens: self.tokens(),
             spec: self.spec.clone(),
         }
@@ -198,9 +234,15 @@ impl Session {
     ///
     /// # Panics
     /// Where another type was asked for before: a session has one companion.
-    pub fn companion<T: Any + Default + Send + Sync>(&self) -> Arc<T> {
+    pub fn companion<T: Companion + Default>(&self) -> Arc<T> {
         let companion = self.companion.get_or_init(|| Arc::new(T::default())).clone();
+        let companion: Arc<dyn Any + Send + Sync> = companion;
         companion.downcast().expect("a session has one kind of companion")
+    }
+
+    /// Memory that it takes \[bytes\].
+    pub(super) fn companion_bytes(&self) -> u64 {
+        self.companion.get().map_or(0, |companion| companion.bytes())
     }
 
     /// Events from now on.
@@ -219,11 +261,13 @@ impl Session {
         let clock = mirror.clock_at(self.frame());
         SessionView {
             id: self.id.clone(),
+            tenant: self.tenant.as_ref().map(|tenant| tenant.name.clone()),
             grid: mirror.grid,
             material: mirror.material,
             settings: mirror.settings,
             terrain: self.spec.terrain.clone(),
             state: self.state(mirror.settings.paused),
+            locked: self.is_locked(),
             tick: clock.tick(),
             seq: mirror.seq,
             epoch: self.epoch.clone(),
@@ -239,6 +283,33 @@ impl Session {
     /// Device memory that its cells take \[bytes\]: none while it hibernates.
     pub(super) fn device_memory(&self) -> u64 {
         if self.hibernating.load(Ordering::Relaxed) { 0 } else { cell_bytes(&self.spec.grid) }
+    }
+
+    /// Waits for the one place for a large answer that the world has to find.
+    pub async fn finding(&self) -> OwnedSemaphorePermit {
+        let place = self.finding.clone().acquire_owned().await;
+        place.expect("the semaphore is never closed")
+    }
+
+    /// Device time that it has taken since the server was started.
+    pub fn device_time(&self) -> Duration {
+        Duration::from_nanos(self.device_ns.load(Ordering::Relaxed))
+    }
+
+    /// Charges it with device time, and its tenant.
+    pub(super) fn charge(&self, took: Duration) {
+        self.device_ns.fetch_add(took.as_nanos() as u64, Ordering::Relaxed);
+        if let Some(tenant) = &self.tenant {
+            tenant.charge(took);
+        }
+    }
+
+    /// Memory that a snapshot of it takes until it is written, at the most \[bytes\].
+    pub fn snapshot_bytes(&self) -> u64 {
+        // What its description says of the ground and of each object.
+        let ground = self.spec.terrain.as_ref().map_or(0, |terrain| terrain.heights.len() as u64);
+        let objects = self.mirror().colliders.len() as u64;
+        cell_bytes(&self.spec.grid) + 32 * ground + 512 * objects
     }
 
     fn state(&self, paused: bool) -> State {

@@ -1,19 +1,18 @@
-//! Changes that arrive in the middle of a run, and wait for its end: only then is the session between
-//! two ticks again, and what is told, journaled and saved of it is of one moment.
+//! Changes that wait: for the end of work that takes several frames, because only then is the session
+//! between two ticks again, and what is told, journaled and saved of it is of one moment; or for the next
+//! frame, because this one has as many as it should carry.
 
 use std::collections::VecDeque;
 use std::fmt;
 
+use super::answer::Answer;
 use super::error::SessionError;
-use super::orders::{Answer, MOST_EDITS, refuse};
+use super::orders::MOST_CHANGES;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 
 /// What is to be done with the session, or why it won't be.
 type Act = Box<dyn FnOnce(Result<&mut Simulation, &SessionError>) + Send>;
-
-/// Changes to one session that may wait; more are refused.
-const MOST_HELD: usize = 1024;
 
 /// Changes that wait, the oldest first.
 #[derive(Default)]
@@ -36,25 +35,20 @@ impl Held {
 }
 
 impl Simulation {
-    /// Makes a change between two ticks: now, or at the end of the run under way. Changes are made
-    /// in the order in which they have arrived.
+    /// Makes a change between two ticks, where the coming frame carries more of them: now or later, in the
+    /// order in which they have arrived.
     pub(super) fn between_ticks<T: Send + 'static>(
         &mut self,
         answer: Answer<T>,
         act: impl FnOnce(&mut Simulation, Answer<T>) + Send + 'static,
     ) {
-        if !self.portions.are_under_way() && self.held.count() == 0 {
+        if self.takes_changes() && self.held.count() == 0 {
             act(self, answer);
-            return;
-        }
-        if self.held.count() >= MOST_HELD {
-            let many = format!("{MOST_HELD} changes wait for the end of a long tick already");
-            refuse(answer, &SessionError::Unavailable(many));
             return;
         }
         self.held.acts.push_back(Box::new(|simulation| match simulation {
             Ok(simulation) => act(simulation, answer),
-            Err(why) => refuse(answer, why),
+            Err(why) => answer.refuse(why),
         }));
     }
 
@@ -62,7 +56,7 @@ impl Simulation {
     pub(super) fn reset_between_ticks(&mut self, saved: Option<Box<Snapshot>>, answer: Answer<()>) {
         if self.step.is_some() || self.held.resets {
             let conflict = "the session is being stepped or reset; wait for that".to_owned();
-            refuse(answer, &SessionError::Conflict(conflict));
+            answer.refuse(&SessionError::Conflict(conflict));
             return;
         }
         self.between_ticks(answer, move |simulation, answer| {
@@ -71,15 +65,22 @@ impl Simulation {
         self.held.resets = self.held.count() > 0;
     }
 
-    /// Refuses the changes that have waited for the end of a run.
-    pub(super) fn refuse_held(&mut self, why: &SessionError) {
-        std::mem::take(&mut self.held).refuse(why);
+    /// Whether a change can be made now.
+    fn takes_changes(&self) -> bool {
+        !self.portions.are_under_way() && self.next.changes < MOST_CHANGES
     }
 
-    /// Makes the changes that have waited for the end of a run: as many as one frame should carry.
+    /// Makes the changes that wait, or refuses them where changes are refused.
+    pub(super) fn let_go_held(&mut self, refusal: Option<&SessionError>) {
+        match refusal {
+            Some(why) => std::mem::take(&mut self.held).refuse(why),
+            None => self.release_held(),
+        }
+    }
+
+    /// Makes the changes that wait, as many as the coming frame should carry.
     pub(super) fn release_held(&mut self) {
-        while !self.portions.are_under_way()
-            && self.next.edits.len() < MOST_EDITS
+        while self.takes_changes()
             && let Some(act) = self.held.acts.pop_front()
         {
             act(Ok(self));

@@ -1,8 +1,11 @@
 //! Answers to requests that carry a key of their client's, kept for a while: who did not get the
 //! answer asks again, gets the first one, and nothing happens twice.
+//!
+//! Sessions share the memory for it. None may have more than a part of what the others leave free, so that
+//! there is always some for one that has had none.
 
-use std::collections::{HashMap, VecDeque};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::collections::{BTreeMap, HashMap};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -10,29 +13,67 @@ use tokio::sync::OnceCell;
 use tokio::time::Instant;
 
 /// Most bytes of all answers together.
-const MOST_BYTES: usize = 256 << 20;
+const MOST_BYTES: u64 = 256 << 20;
 
-/// What a request costs beside its answer \[bytes\], rounded up.
-const OVERHEAD: usize = 256;
+/// What of the free memory a session may have is one part of so many.
+const PARTS: u64 = 8;
+
+/// What a request takes beside its answer \[bytes\]: its place here, and what is noted of it for the time
+/// after a restart (`Done`), in this process's maps and queues.
+const OVERHEAD: u64 = 832;
+
+/// Longest answer that is kept \[bytes\]. A longer one, as of a session on a large terrain, is made anew
+/// from what is noted of the request.
+const LONGEST_ANSWER: u64 = 64 * 1024;
+
+/// Times that a request may wait for its answer at once.
+const MOST_AT_ONCE: usize = 64;
 
 /// Names a request: a hash of the session's epoch, the call, and its client's key.
 pub type RequestKey = [u8; 32];
+
+/// Whose memory an answer takes: that of a session, or of who creates sessions.
+pub type Share = [u8; 32];
 
 /// An answer as it was sent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Answer {
     /// HTTP status.
     pub status: u16,
-    /// Names and values of its headers.
-    pub headers: Vec<(String, Vec<u8>)>,
+    /// A line for each of its headers.
+    head: Box<[u8]>,
     /// Its body. It holds tokens where the request made a session.
-    pub body: Vec<u8>,
+    pub body: Box<[u8]>,
 }
 
 impl Answer {
-    fn bytes(&self) -> usize {
-        let header = |(name, value): &(String, Vec<u8>)| name.len() + value.len();
-        self.body.len() + self.headers.iter().map(header).sum::<usize>()
+    /// A status, names and values of headers, and a body.
+    pub fn new<'a>(
+        status: u16,
+        headers: impl Iterator<Item = (&'a [u8], &'a [u8])>,
+        body: &[u8],
+    ) -> Answer {
+        let lines: Vec<u8> =
+            headers.flat_map(|(name, value)| [name, b":", value, b"\n"].concat()).collect();
+        Answer { status, head: lines.into(), body: body.into() }
+    }
+
+    /// Names and values of its headers.
+    pub fn headers(&self) -> impl Iterator<Item = (&[u8], &[u8])> {
+        // No name has a colon, and no value a line feed.
+        self.head.split(|&byte| byte == b'\n').filter_map(|line| {
+            let colon = line.iter().position(|&byte| byte == b':')?;
+            Some((&line[..colon], &line[colon + 1..]))
+        })
+    }
+
+    fn bytes(&self) -> u64 {
+        (self.head.len() + self.body.len()) as u64
+    }
+
+    /// Whether it may be kept.
+    pub fn is_short(&self) -> bool {
+        self.bytes() <= LONGEST_ANSWER
     }
 }
 
@@ -42,10 +83,15 @@ impl Answer {
 pub struct Place {
     /// Hash of all that the request says.
     request: [u8; 32],
-    /// The answer, once there is one.
+    /// The answer, once there is one that is kept.
     pub answer: OnceCell<Answer>,
-    bytes: AtomicUsize,
+    share: Share,
+    age: Age,
+    bytes: AtomicU64,
 }
+
+/// When a request arrived first; numbers tell those of one instant apart.
+type Age = (Instant, u64);
 
 /// Why a request gets no place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,16 +105,18 @@ pub enum NoPlace {
 /// All answers that are kept.
 #[derive(Debug)]
 pub struct Idempotency {
-    most_bytes: usize,
+    most_bytes: u64,
     kept: Mutex<Kept>,
 }
 
 #[derive(Debug, Default)]
 struct Kept {
     places: HashMap<RequestKey, Arc<Place>>,
-    /// By age, the oldest first.
-    ages: VecDeque<(Instant, RequestKey)>,
-    bytes: usize,
+    ages: BTreeMap<Age, RequestKey>,
+    numbers: u64,
+    /// Bytes of each share, and of all of them.
+    shares: HashMap<Share, u64>,
+    bytes: u64,
 }
 
 impl Default for Idempotency {
@@ -82,33 +130,52 @@ impl Idempotency {
     pub const LIFETIME: Duration = Duration::from_secs(600);
 
     /// Keeps answers of a number of bytes in all, one more at most for each request under way.
-    pub fn new(most_bytes: usize) -> Idempotency {
+    pub fn new(most_bytes: u64) -> Idempotency {
         Idempotency { most_bytes, kept: Mutex::default() }
+    }
+
+    /// Bytes that all answers and requests take.
+    pub fn bytes(&self) -> u64 {
+        self.kept().bytes
     }
 
     /// The place for the answer to a request; a new one where its key is new.
     ///
     /// # Errors
     /// [`NoPlace`].
-    pub fn lookup(&self, key: RequestKey, request: [u8; 32]) -> Result<Arc<Place>, NoPlace> {
+    pub fn lookup(
+        &self,
+        key: RequestKey,
+        request: [u8; 32],
+        share: Share,
+    ) -> Result<Arc<Place>, NoPlace> {
         let now = Instant::now();
         let mut kept = self.kept();
-        kept.forget(now);
+        kept.forget_old(now);
         if let Some(place) = kept.places.get(&key) {
-            let same = place.request == request;
-            return if same { Ok(place.clone()) } else { Err(NoPlace::OtherRequest) };
+            return match place {
+                _ if place.request != request => Err(NoPlace::OtherRequest),
+                _ if place.answer.get().is_none() && Arc::strong_count(place) > MOST_AT_ONCE => {
+                    Err(NoPlace::Full(Duration::from_secs(1)))
+                }
+                _ => Ok(place.clone()),
+            };
         }
-        if kept.bytes + OVERHEAD > self.most_bytes {
-            let oldest = kept.ages.front().map_or(now, |(began, _)| *began);
-            return Err(NoPlace::Full(
-                (oldest + Idempotency::LIFETIME).saturating_duration_since(now),
-            ));
+        let free = self.most_bytes.saturating_sub(kept.bytes);
+        let own = kept.shares.get(&share).copied().unwrap_or(0);
+        if own + OVERHEAD > free / PARTS {
+            let oldest = kept.ages.first_key_value().map_or(now, |((began, _), _)| *began);
+            let wait = (oldest + Idempotency::LIFETIME).saturating_duration_since(now);
+            return Err(NoPlace::Full(wait));
         }
-        let bytes = AtomicUsize::new(OVERHEAD);
-        let place = Arc::new(Place { request, answer: OnceCell::new(), bytes });
-        kept.bytes += OVERHEAD;
+        kept.numbers += 1;
+        let age = (now, kept.numbers);
+        let place =
+            Place { request, answer: OnceCell::new(), share, age, bytes: AtomicU64::new(0) };
+        let place = Arc::new(place);
         kept.places.insert(key, place.clone());
-        kept.ages.push_back((now, key));
+        kept.ages.insert(age, key);
+        kept.add(&place, OVERHEAD);
         Ok(place)
     }
 
@@ -116,9 +183,19 @@ impl Idempotency {
     pub fn record(&self, key: &RequestKey, place: &Arc<Place>, answer: &Answer) {
         let mut kept = self.kept();
         // It may have been forgotten meanwhile.
-        if kept.places.get(key).is_some_and(|kept| Arc::ptr_eq(kept, place)) {
-            place.bytes.fetch_add(answer.bytes(), Ordering::Relaxed);
-            kept.bytes += answer.bytes();
+        if kept.holds(key, place) {
+            kept.add(place, answer.bytes());
+        }
+    }
+
+    /// Forgets a request of which nothing came, where nobody else waits for it: it may be sent again, and
+    /// say something else.
+    pub fn give_up(&self, key: &RequestKey, place: Arc<Place>) {
+        let mut kept = self.kept();
+        // One is kept here, and one is the caller's.
+        if kept.holds(key, &place) && place.answer.get().is_none() && Arc::strong_count(&place) == 2
+        {
+            kept.forget(key);
         }
     }
 
@@ -128,15 +205,35 @@ impl Idempotency {
 }
 
 impl Kept {
-    /// Forgets what is too old.
-    fn forget(&mut self, now: Instant) {
-        while let Some((began, key)) = self.ages.front()
-            && now.saturating_duration_since(*began) >= Idempotency::LIFETIME
-        {
-            if let Some(place) = self.places.remove(key) {
-                self.bytes -= place.bytes.load(Ordering::Relaxed);
+    fn holds(&self, key: &RequestKey, place: &Arc<Place>) -> bool {
+        self.places.get(key).is_some_and(|kept| Arc::ptr_eq(kept, place))
+    }
+
+    fn add(&mut self, place: &Place, bytes: u64) {
+        place.bytes.fetch_add(bytes, Ordering::Relaxed);
+        *self.shares.entry(place.share).or_default() += bytes;
+        self.bytes += bytes;
+    }
+
+    fn forget(&mut self, key: &RequestKey) {
+        let Some(place) = self.places.remove(key) else { return };
+        self.ages.remove(&place.age);
+        let bytes = place.bytes.load(Ordering::Relaxed);
+        self.bytes -= bytes;
+        if let Some(share) = self.shares.get_mut(&place.share) {
+            *share -= bytes;
+            if *share == 0 {
+                self.shares.remove(&place.share);
             }
-            self.ages.pop_front();
+        }
+    }
+
+    /// Forgets what is too old.
+    fn forget_old(&mut self, now: Instant) {
+        while let Some((&(began, _), &key)) = self.ages.first_key_value()
+            && now.saturating_duration_since(began) >= Idempotency::LIFETIME
+        {
+            self.forget(&key);
         }
     }
 }
@@ -149,18 +246,31 @@ mod tests {
     const LIFETIME: Duration = Idempotency::LIFETIME;
 
     fn answer(body: usize) -> Answer {
-        Answer { status: 200, headers: Vec::new(), body: vec![0; body] }
+        let headers = [(&b"etag"[..], &b"a:b"[..]), (b"date", b"")];
+        Answer::new(200, headers.into_iter(), &vec![0; body])
     }
 
     fn key(number: u8) -> RequestKey {
         [number; 32]
     }
 
+    fn share(number: u8) -> Share {
+        [number; 32]
+    }
+
     async fn answered(kept: &Idempotency, number: u8, body: usize) -> Arc<Place> {
-        let place = kept.lookup(key(number), REQUEST).unwrap();
+        let place = kept.lookup(key(number), REQUEST, share(0)).unwrap();
         kept.record(&key(number), &place, &answer(body));
         place.answer.set(answer(body)).unwrap();
         place
+    }
+
+    #[test]
+    fn an_answer_has_its_headers() {
+        let answer = answer(3);
+        let headers: Vec<_> = answer.headers().collect();
+        assert_eq!(headers, [(&b"etag"[..], &b"a:b"[..]), (b"date", b"")]);
+        assert!(answer.is_short() && !self::answer(LONGEST_ANSWER as usize).is_short());
     }
 
     #[tokio::test(start_paused = true)]
@@ -168,27 +278,71 @@ mod tests {
         let kept = Idempotency::default();
         answered(&kept, 1, 5).await;
         tokio::time::advance(LIFETIME - Duration::from_secs(1)).await;
-        let found = kept.lookup(key(1), REQUEST).unwrap();
+        let found = kept.lookup(key(1), REQUEST, share(0)).unwrap();
         assert_eq!(found.answer.get(), Some(&answer(5)));
-        assert_eq!(kept.lookup(key(1), [8; 32]).unwrap_err(), NoPlace::OtherRequest);
+        assert_eq!(kept.lookup(key(1), [8; 32], share(0)).unwrap_err(), NoPlace::OtherRequest);
         tokio::time::advance(Duration::from_secs(1)).await;
-        assert_eq!(kept.lookup(key(1), [8; 32]).unwrap().answer.get(), None);
+        assert_eq!(kept.lookup(key(1), [8; 32], share(0)).unwrap().answer.get(), None);
     }
 
     #[tokio::test(start_paused = true)]
-    async fn no_more_is_kept_than_may_be() {
-        let kept = Idempotency::new(3 * OVERHEAD);
-        answered(&kept, 1, OVERHEAD).await;
-        tokio::time::advance(Duration::from_secs(100)).await;
-        let late = kept.lookup(key(2), REQUEST).unwrap();
-        let full = NoPlace::Full(LIFETIME - Duration::from_secs(100));
-        assert_eq!(kept.lookup(key(3), REQUEST).unwrap_err(), full);
+    async fn what_came_to_nothing_is_forgotten_once_nobody_waits() {
+        let kept = Idempotency::default();
+        let first = kept.lookup(key(1), REQUEST, share(0)).unwrap();
+        let second = kept.lookup(key(1), REQUEST, share(0)).unwrap();
+        kept.give_up(&key(1), first);
+        assert_eq!(kept.lookup(key(1), [8; 32], share(0)).unwrap_err(), NoPlace::OtherRequest);
+        kept.give_up(&key(1), second);
+        assert_eq!(kept.bytes(), 0);
+        let other = kept.lookup(key(1), [8; 32], share(0)).unwrap();
+        other.answer.set(answer(1)).unwrap();
+        kept.give_up(&key(1), other);
+        assert_eq!(kept.bytes(), OVERHEAD, "an answer stays");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_request_that_is_under_way_is_repeated_a_few_times_at_once() {
+        let kept = Idempotency::default();
+        let lookup = || kept.lookup(key(1), REQUEST, share(0));
+        let mut places: Vec<_> = (0..MOST_AT_ONCE).map(|_| lookup().unwrap()).collect();
+        assert_eq!(lookup().unwrap_err(), NoPlace::Full(Duration::from_secs(1)));
+        places.pop();
+        let place = lookup().unwrap();
+        place.answer.set(answer(1)).unwrap();
+        places.extend((0..20).map(|_| lookup().unwrap()));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn no_session_takes_what_others_need() {
+        let kept = Idempotency::new(64 * OVERHEAD);
+        let requests = |share: Share, from: u8| {
+            let fits = |number: &u8| kept.lookup(key(*number), REQUEST, share).is_ok();
+            (from..from + 60).take_while(fits).count()
+        };
+        // Seven, of which one more would be an eighth of what is left; then less and less.
+        assert_eq!(
+            [requests(share(1), 1), requests(share(2), 70), requests(share(3), 140)],
+            [7, 6, 5]
+        );
+        let full = kept.lookup(key(250), REQUEST, share(1)).unwrap_err();
+        assert_eq!(full, NoPlace::Full(LIFETIME));
         // What is known is still found.
-        assert!(kept.lookup(key(1), REQUEST).unwrap().answer.get().is_some());
+        assert!(kept.lookup(key(1), REQUEST, share(1)).is_ok());
         tokio::time::advance(LIFETIME).await;
-        assert!(kept.lookup(key(3), REQUEST).is_ok());
-        // An answer that comes when its place is forgotten is not counted.
-        kept.record(&key(2), &late, &answer(10 * OVERHEAD));
-        assert_eq!(kept.kept().bytes, OVERHEAD);
+        assert_eq!(requests(share(1), 1), 7);
+        assert_eq!(kept.bytes(), 7 * OVERHEAD);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn an_answer_that_comes_when_its_place_is_forgotten_is_not_counted() {
+        let kept = Idempotency::default();
+        let late = kept.lookup(key(2), REQUEST, share(0)).unwrap();
+        answered(&kept, 1, 5).await;
+        assert_eq!(kept.bytes(), 2 * OVERHEAD + answer(5).bytes());
+        tokio::time::advance(LIFETIME).await;
+        kept.lookup(key(3), REQUEST, share(0)).unwrap();
+        kept.record(&key(2), &late, &answer(10));
+        kept.give_up(&key(2), late);
+        assert_eq!((kept.bytes(), kept.kept().shares.len()), (OVERHEAD, 1));
     }
 }

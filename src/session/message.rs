@@ -3,26 +3,28 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use tokio::sync::{mpsc, oneshot};
+use firn_engine::made::Made;
+use firn_protocol::{MassView, StepSpec};
+use firn_snow::ColumnRect;
+use tokio::sync::{OwnedSemaphorePermit, mpsc};
 
-use crate::snow::ColumnRect;
-
-use super::change::{Change, StepSpec};
+use super::answer::Answer;
+use super::change::Applied;
+use super::change::Change;
 use super::error::SessionError;
 use super::gather::{Gathered, Sampled};
 use super::handle::Session;
 use super::once::{Done, Once};
-use super::orders::Answer;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 use super::token::TokenHashes;
-use super::view::{Applied, MassView};
-use super::world::Fault;
+use super::world::{Decoded, Fault};
 
 /// What the world can be asked.
 pub(super) enum Message {
     Create {
         session: Arc<Session>,
+        made: Made,
         saved: Option<Box<Snapshot>>,
         done: Option<Arc<Done>>,
         reply: Answer<()>,
@@ -72,6 +74,10 @@ pub(super) enum Message {
         hashes: TokenHashes,
         reply: Answer<()>,
     },
+    Unlock {
+        session: Arc<Session>,
+        reply: Answer<()>,
+    },
     /// Somebody asks for the session.
     Wake {
         key: u64,
@@ -81,6 +87,12 @@ pub(super) enum Message {
         look: Look,
         reply: Answer<()>,
     },
+    /// What is stored of a session that is being woken has been read, in the life that it is of.
+    Woken {
+        key: u64,
+        generation: u64,
+        decoded: Box<Result<Decoded, SessionError>>,
+    },
     /// Something is to be heard from the journal.
     Nudge,
     Break(Fault),
@@ -88,16 +100,70 @@ pub(super) enum Message {
     Stop(Instant),
 }
 
+impl Message {
+    /// The session that a request is for.
+    pub fn key(&self) -> Option<u64> {
+        match *self {
+            Message::Delete { key, .. }
+            | Message::Change { key, .. }
+            | Message::Step { key, .. }
+            | Message::Reset { key, .. }
+            | Message::Snapshot { key, .. }
+            | Message::Gather { key, .. }
+            | Message::Sample { key, .. }
+            | Message::Mass { key, .. }
+            | Message::Tokens { key, .. }
+            | Message::Wake { key }
+            | Message::Inspect { key, .. } => Some(key),
+            Message::Unlock { ref session, .. } => Some(session.key),
+            Message::Create { .. }
+            | Message::Woken { .. }
+            | Message::Nudge
+            | Message::Break(_)
+            | Message::Stop(_) => None,
+        }
+    }
+
+    /// Whether it needs its session awake.
+    pub fn wakes(&self) -> bool {
+        !matches!(self, Message::Delete { .. } | Message::Tokens { .. } | Message::Unlock { .. })
+    }
+
+    /// Tells whoever sent it why there is no answer.
+    pub fn refuse(self, why: &SessionError) {
+        match self {
+            Message::Delete { reply, .. }
+            | Message::Step { reply, .. }
+            | Message::Reset { reply, .. }
+            | Message::Tokens { reply, .. }
+            | Message::Unlock { reply, .. }
+            | Message::Inspect { reply, .. }
+            | Message::Create { reply, .. } => reply.refuse(why),
+            Message::Change { reply, .. } => reply.refuse(why),
+            Message::Snapshot { reply, .. } => reply.refuse(why),
+            Message::Gather { reply, .. } => reply.refuse(why),
+            Message::Sample { reply, .. } => reply.refuse(why),
+            Message::Mass { reply, .. } => reply.refuse(why),
+            Message::Wake { .. }
+            | Message::Woken { .. }
+            | Message::Nudge
+            | Message::Break(_)
+            | Message::Stop(_) => {}
+        }
+    }
+}
+
 /// Something to be run with a simulation.
 pub(super) type Look = Box<dyn FnOnce(&Simulation) + Send>;
 
-/// Sends a request to the world and waits for its answer.
+/// Sends a request to the world and waits for its answer, in a place among those that wait for a session.
 pub(super) async fn ask<T>(
     world: &mpsc::Sender<Message>,
+    place: Option<OwnedSemaphorePermit>,
     message: impl FnOnce(Answer<T>) -> Message,
 ) -> Result<T, SessionError> {
-    let (send, receive) = oneshot::channel();
-    world.send(message(send)).await.map_err(|_| stopped())?;
+    let (answer, receive) = Answer::new(place);
+    world.send(message(answer)).await.map_err(|_| stopped())?;
     receive.await.unwrap_or_else(|_| {
         if world.is_closed() {
             return Err(stopped());

@@ -1,14 +1,16 @@
 //! The published state of a snowpack, kept on the host: reads and streams are served from it and
 //! never wait for the device.
 
+use std::collections::TryReserveError;
 use std::sync::Arc;
 
-use crate::snow::{Grid, Material, TILE_COLUMNS};
+use firn_engine::reserve::try_filled;
+use firn_protocol::{ColliderView, Settings, Stamp, Summary};
+use firn_snow::{Grid, Material, TILE_COLUMNS};
 
 use super::clock::Clock;
-use super::view::{ColliderView, Settings, Stamp, Summary};
 
-pub use crate::engine::published::TileColumns;
+pub use firn_engine::published::TileColumns;
 
 /// Everything about a snowpack that can be read without asking the device.
 #[derive(Clone, Debug)]
@@ -38,13 +40,56 @@ pub struct Mirror {
     pub colliders_version: u64,
     tiles: Vec<TileColumns>,
     versions: Vec<u64>,
+    /// Sums over the columns of each tile.
+    sums: Vec<Sums>,
+}
+
+/// Sums over the depths of some columns, in thickness quanta.
+#[derive(Clone, Copy, Debug)]
+struct Sums {
+    sum: u64,
+    least: u32,
+    greatest: u32,
+}
+
+impl Sums {
+    const NONE: Sums = Sums { sum: 0, least: u32::MAX, greatest: 0 };
+    const BARE: Sums = Sums { sum: 0, least: 0, greatest: 0 };
+
+    /// Over the columns of a tile that are part of the grid.
+    fn of(grid: &Grid, tile: u32, heights: &TileColumns) -> Sums {
+        let rect = grid.tile_rect(tile);
+        let all = (rect.z0..rect.z1).flat_map(|z| (rect.x0..rect.x1).map(move |x| (x, z)));
+        all.map(|(x, z)| heights[grid.locate(x, z).1 as usize]).fold(Sums::NONE, |sums, height| {
+            sums.and(Sums { sum: height.into(), least: height, greatest: height })
+        })
+    }
+
+    fn and(self, other: Sums) -> Sums {
+        Sums {
+            sum: self.sum + other.sum,
+            least: self.least.min(other.least),
+            greatest: self.greatest.max(other.greatest),
+        }
+    }
 }
 
 impl Mirror {
     /// The mirror of an empty snowpack.
-    pub fn new(grid: Grid, material: Material, settings: Settings, clock: Clock) -> Mirror {
-        let tiles = grid.tiles() as usize;
-        Mirror {
+    ///
+    /// # Errors
+    /// Where there is no memory for it.
+    pub fn new(
+        grid: Grid,
+        material: Material,
+        settings: Settings,
+        clock: Clock,
+    ) -> Result<Mirror, TryReserveError> {
+        let count = grid.tiles() as usize;
+        let tiles = try_filled(count, [0; TILE_COLUMNS as usize])?;
+        let versions = try_filled(count, 1)?;
+        let sums = try_filled(count, Sums::BARE)?;
+        Ok(Mirror {
             grid,
             material,
             settings,
@@ -56,20 +101,22 @@ impl Mirror {
             mass_quanta: 0,
             colliders: Arc::new([]),
             colliders_version: 1,
-            tiles: vec![[0; TILE_COLUMNS as usize]; tiles],
-            versions: vec![1; tiles],
-        }
+            tiles,
+            versions,
+            sums,
+        })
     }
 
     /// Takes over a tile that changed at `seq`.
     pub(super) fn update(&mut self, tile: u32, heights: &TileColumns, seq: u64) {
-        self.tiles[tile as usize] = *heights;
+        self.recall(tile, heights);
         self.versions[tile as usize] = seq;
     }
 
     /// Takes over a tile as it was when its version was noted.
     pub(super) fn recall(&mut self, tile: u32, heights: &TileColumns) {
         self.tiles[tile as usize] = *heights;
+        self.sums[tile as usize] = Sums::of(&self.grid, tile, heights);
     }
 
     /// Whether a tile's heights are those already known.
@@ -110,6 +157,13 @@ impl Mirror {
         self.tiles[tile as usize][column as usize]
     }
 
+    /// Memory that the heights take \[bytes\].
+    pub(super) fn bytes(&self) -> usize {
+        self.tiles.capacity() * size_of::<TileColumns>()
+            + self.versions.capacity() * size_of::<u64>()
+            + self.sums.capacity() * size_of::<Sums>()
+    }
+
     /// The clock at a frame.
     pub fn clock_at(&self, frame: u64) -> Clock {
         let mut clock = self.clock;
@@ -126,19 +180,8 @@ impl Mirror {
 
     /// Totals over the columns.
     pub fn summary(&self) -> Summary {
-        let (mut sum, mut least, mut greatest) = (0u64, u32::MAX, 0u32);
-        for tile in 0..self.grid.tiles() {
-            let rect = self.grid.tile_rect(tile);
-            let heights = &self.tiles[tile as usize];
-            for z in rect.z0..rect.z1 {
-                for x in rect.x0..rect.x1 {
-                    let height = heights[self.grid.locate(x, z).1 as usize];
-                    sum += u64::from(height);
-                    least = least.min(height);
-                    greatest = greatest.max(height);
-                }
-            }
-        }
+        let Sums { sum, least, greatest } =
+            self.sums.iter().fold(Sums::NONE, |all, tile| all.and(*tile));
         let total_height = self.grid.metres(sum);
         let total_mass = self.grid.kilograms(self.mass_quanta);
         let volume = total_height * self.grid.column_area();

@@ -1,16 +1,19 @@
 //! A session's life: its name, its commands, its clock, and the mirror that reads are served from.
 
+mod answer;
 mod apply;
 mod change;
+mod charge;
 mod clock;
 mod error;
-mod event;
 mod falling;
 mod gather;
 mod handle;
 mod held;
 mod idempotency;
 mod journal;
+mod lock;
+mod memory;
 mod message;
 mod mirror;
 mod names;
@@ -21,44 +24,39 @@ mod pace;
 mod portion;
 mod probe;
 mod publish;
+mod reach;
 mod registry;
 mod requests;
 mod simulation;
 mod snapshot;
 mod spec;
 mod step;
+mod tenant;
 mod token;
+mod totals;
 mod turn;
-mod view;
 mod visit;
 mod vitals;
 mod weak;
 mod world;
 
-pub use change::{
-    AirTemperature, Change, Clearing, ColliderBatch, ColliderPatch, ColliderSpec, Region,
-    SettingsPatch, Snowfall, StepSpec,
-};
+pub use change::{Applied, Change};
 pub use clock::{Clock, FRAME_RATE};
 pub use error::{Invalid, SessionError};
-pub use event::Event;
 pub use gather::{Gathered, MOST_SAMPLES, Sampled};
 pub use handle::Session;
-pub use idempotency::{Answer, Idempotency, NoPlace, Place, RequestKey};
-pub use journal::StoreVitals;
+pub use idempotency::{Answer, Idempotency, NoPlace, Place, RequestKey, Share};
+pub use journal::{StoreState, StoreVitals};
+pub use memory::Companion;
 pub use mirror::{Mirror, TileColumns};
 pub use once::Once;
-pub use probe::{Probe, ProbeBatch, ProbeReply, ProbeView};
-pub use registry::{Sessions, Totals};
+pub use registry::Sessions;
 pub use simulation::Simulation;
 pub use snapshot::{MEDIA_TYPE as SNAPSHOT_MEDIA_TYPE, Snapshot};
-pub use spec::{Limits, SessionSpec, SnowLayer, Terrain, is_valid_id};
-pub use token::{Grant, TokenHashes, Tokens};
-pub use view::{
-    AirTemperatureReply, Applied, ClearingReply, ColliderReply, ColliderView, ColumnView,
-    CreatedSession, LayerView, MassView, SessionView, Settings, SnowfallReply, Stamp, State,
-    Summary, WeakLayerView,
-};
+pub use spec::Limits;
+pub use tenant::{Quotas, Tenant, Tenants};
+pub use token::{Grant, TokenHashes, Tokens, random_secret};
+pub use totals::{TenantTotals, Totals};
 pub use visit::Visit;
 pub use vitals::{FrameParts, FrameTime, StageTimes, Vitals};
 pub use world::{Durability, Fault, OpenBackend, StartError, World, WorldConfig};

@@ -1,85 +1,220 @@
 //! Names that sessions have, and places of sessions that are being made.
 
-use std::collections::BTreeMap;
-use std::ops::Bound;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::ops::{AddAssign, Bound, SubAssign};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+use firn_protocol::SessionSpec;
+use firn_snow::Grid;
 
 use super::error::SessionError;
 use super::handle::Session;
-use super::spec::{Limits, SessionSpec};
+use super::spec::Limits;
+use super::tenant::{Quotas, Tenant};
 
 /// Sessions by name; a name is taken from the moment its creation begins.
 #[derive(Debug, Default)]
-pub(super) struct Names(RwLock<BTreeMap<String, Entry>>);
+pub(super) struct Names(RwLock<Table>);
+
+/// Names, and sums over them that are kept up to date rather than made anew.
+#[derive(Debug, Default)]
+struct Table {
+    entries: BTreeMap<String, Entry>,
+    size: Size,
+    /// By the name of the tenant; none of those that hold nothing.
+    tenants: HashMap<String, Holding>,
+}
+
+/// What limits count of some grids, in whole tiles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Size {
+    columns: u64,
+    cells: u64,
+}
 
 #[derive(Debug)]
 struct Entry {
-    cells: u64,
+    size: Size,
+    tenant: Option<Arc<Tenant>>,
     /// `None` while the session is being made.
     session: Option<Arc<Session>>,
 }
 
-impl Names {
-    fn read(&self) -> RwLockReadGuard<'_, BTreeMap<String, Entry>> {
-        self.0.read().unwrap_or_else(PoisonError::into_inner)
-    }
+/// What one tenant has.
+#[derive(Debug, Default)]
+struct Holding {
+    names: BTreeSet<String>,
+    size: Size,
+}
 
-    fn write(&self) -> RwLockWriteGuard<'_, BTreeMap<String, Entry>> {
-        self.0.write().unwrap_or_else(PoisonError::into_inner)
+impl Size {
+    fn of(grid: &Grid) -> Size {
+        Size { columns: grid.padded_columns(), cells: grid.padded_cells() }
     }
+}
 
-    fn reserve(&self, id: &str, cells: u64, limits: &Limits) -> Result<(), SessionError> {
-        let mut names = self.write();
-        if names.contains_key(id) {
-            return Err(SessionError::Conflict(format!("there is a session '{id}' already")));
+impl AddAssign for Size {
+    fn add_assign(&mut self, other: Size) {
+        self.columns += other.columns;
+        self.cells += other.cells;
+    }
+}
+
+impl SubAssign for Size {
+    fn sub_assign(&mut self, other: Size) {
+        self.columns -= other.columns;
+        self.cells -= other.cells;
+    }
+}
+
+impl Table {
+    fn insert(&mut self, id: &str, entry: Entry) {
+        self.remove(id);
+        self.size += entry.size;
+        if let Some(tenant) = &entry.tenant {
+            let holding = self.tenants.entry(tenant.name.clone()).or_default();
+            holding.size += entry.size;
+            holding.names.insert(id.to_owned());
         }
-        if names.len() >= limits.sessions {
+        self.entries.insert(id.to_owned(), entry);
+    }
+
+    fn remove(&mut self, id: &str) {
+        let Some(entry) = self.entries.remove(id) else { return };
+        self.size -= entry.size;
+        let Some(tenant) = entry.tenant else { return };
+        if let Some(holding) = self.tenants.get_mut(&tenant.name) {
+            holding.size -= entry.size;
+            holding.names.remove(id);
+            if holding.names.is_empty() {
+                self.tenants.remove(&tenant.name);
+            }
+        }
+    }
+
+    /// Whether the server has room for one more session of a size.
+    fn has_room(&self, size: Size, limits: &Limits) -> Result<(), SessionError> {
+        if self.entries.len() >= limits.sessions {
             return Err(SessionError::ServerFull(format!(
                 "the server holds its {} sessions already; delete one first",
                 limits.sessions
             )));
         }
-        let held: u64 = names.values().map(|entry| entry.cells).sum();
-        if held + cells > limits.cells {
-            return Err(SessionError::ServerFull(format!(
-                "{cells} cells more than the {held} held already would exceed the server's {}; \
-                 delete a session first",
-                limits.cells
-            )));
+        let Size { columns, cells } = self.size;
+        let sizes = [
+            ("columns", size.columns, columns, limits.columns),
+            ("cells", size.cells, cells, limits.cells),
+        ];
+        match sizes.into_iter().find(|(_, more, held, most)| *more > most.saturating_sub(*held)) {
+            None => Ok(()),
+            Some((what, more, held, most)) => Err(SessionError::ServerFull(format!(
+                "{more} {what} more than the {held} held already would exceed the server's {most}; \
+                 delete a session first"
+            ))),
         }
-        names.insert(id.to_owned(), Entry { cells, session: None });
+    }
+
+    /// Whether a tenant may have one more session of a size.
+    fn allows(&self, tenant: &Tenant, size: Size) -> Result<(), SessionError> {
+        let Quotas { sessions: most_sessions, cells: most_cells, .. } = tenant.quotas();
+        let holding = self.tenants.get(&tenant.name);
+        let (sessions, held) = holding.map_or((0, 0), |held| (held.names.len(), held.size.cells));
+        let (name, cells) = (&tenant.name, size.cells);
+        match (most_sessions, most_cells) {
+            (Some(most), _) if sessions >= most => Err(SessionError::QuotaReached(format!(
+                "the tenant '{name}' holds {sessions} sessions, and its quota `sessions` is \
+                 {most}; delete one first"
+            ))),
+            (_, Some(most)) if cells > most.saturating_sub(held) => {
+                Err(SessionError::QuotaReached(format!(
+                    "{cells} cells more than the {held} that the tenant '{name}' holds would \
+                     exceed its quota `cells` of {most}; delete a session first"
+                )))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Names {
+    fn read(&self) -> RwLockReadGuard<'_, Table> {
+        self.0.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self) -> RwLockWriteGuard<'_, Table> {
+        self.0.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn reserve(
+        &self,
+        id: &str,
+        tenant: Option<Arc<Tenant>>,
+        size: Size,
+        limits: &Limits,
+    ) -> Result<(), SessionError> {
+        let mut table = self.write();
+        if table.entries.contains_key(id) {
+            return Err(SessionError::Conflict(format!("there is a session '{id}' already")));
+        }
+        if let Some(tenant) = &tenant {
+            table.allows(tenant, size)?;
+        }
+        table.has_room(size, limits)?;
+        table.insert(id, Entry { size, tenant, session: None });
         Ok(())
     }
 
     /// Enters a session that outlived the last stop.
     pub(super) fn recover(&self, session: Arc<Session>) {
-        let entry = Entry { cells: session.spec.grid.cells(), session: Some(session.clone()) };
-        self.write().insert(session.id.clone(), entry);
+        let (size, tenant) = (Size::of(&session.spec.grid), session.tenant.clone());
+        let entry = Entry { size, tenant, session: Some(session.clone()) };
+        self.write().insert(&session.id, entry);
     }
 
     /// A session by its name.
     pub(super) fn get(&self, id: &str) -> Option<Arc<Session>> {
-        self.read().get(id).and_then(|entry| entry.session.clone())
+        self.read().entries.get(id).and_then(|entry| entry.session.clone())
     }
 
-    /// Up to `limit` sessions in ascending order of their names, those after `after`.
-    pub(super) fn list(&self, after: Option<&str>, limit: usize) -> Vec<Arc<Session>> {
-        let from = after.map_or(Bound::Unbounded, Bound::Excluded);
-        self.read()
-            .range::<str, _>((from, Bound::Unbounded))
-            .filter_map(|(_, entry)| entry.session.clone())
-            .take(limit)
-            .collect()
+    /// Up to `limit` sessions in ascending order of their names, those after `after`; one tenant's
+    /// where one is named.
+    pub(super) fn list(
+        &self,
+        tenant: Option<&str>,
+        after: Option<&str>,
+        limit: usize,
+    ) -> Vec<Arc<Session>> {
+        let range = (after.map_or(Bound::Unbounded, Bound::Excluded), Bound::Unbounded);
+        let table = self.read();
+        let made = |entry: &Entry| entry.session.clone();
+        match tenant {
+            None => {
+                let entries = table.entries.range::<str, _>(range).map(|(_, entry)| entry);
+                entries.filter_map(made).take(limit).collect()
+            }
+            Some(tenant) => {
+                let names = table.tenants.get(tenant).map(|held| held.names.range::<str, _>(range));
+                let entries = names.into_iter().flatten().filter_map(|id| table.entries.get(id));
+                entries.filter_map(made).take(limit).collect()
+            }
+        }
     }
 
     /// How many names are taken.
     pub(super) fn count(&self) -> usize {
-        self.read().len()
+        self.read().entries.len()
     }
 
-    /// Forgets a session.
-    pub(super) fn remove(&self, id: &str) {
-        self.write().remove(id);
+    /// Notes that a session is no more, and frees its name where the session has it: while one is being
+    /// made the name is its place's, perhaps already that of the next one.
+    pub(super) fn forget(&self, session: &Session) {
+        let mut table = self.write();
+        let holder = table.entries.get(&session.id).and_then(|entry| entry.session.as_ref());
+        if holder.is_some_and(|holder| holder.key == session.key) {
+            table.remove(&session.id);
+        }
+        // Before anybody else has the table: who keeps a place for it looks at this.
+        session.gone.cancel();
     }
 }
 
@@ -87,6 +222,7 @@ impl Names {
 pub(super) struct Place {
     names: Arc<Names>,
     pub(super) id: String,
+    pub(super) tenant: Option<Arc<Tenant>>,
     kept: bool,
 }
 
@@ -95,27 +231,124 @@ impl Place {
     pub(super) fn reserve(
         names: Arc<Names>,
         id: Option<String>,
+        tenant: Option<Arc<Tenant>>,
         spec: &SessionSpec,
         limits: &Limits,
     ) -> Result<Place, SessionError> {
         let id = id.unwrap_or_else(|| ulid::Ulid::generate().to_string());
-        names.reserve(&id, spec.grid.cells(), limits)?;
-        Ok(Place { names, id, kept: false })
+        names.reserve(&id, tenant.clone(), Size::of(&spec.grid), limits)?;
+        Ok(Place { names, id, tenant, kept: false })
     }
 
-    /// Gives it to the session that was made for it.
+    /// Gives it to the session that was made for it, unless that is no more.
     pub(super) fn keep(mut self, session: Arc<Session>) {
-        if let Some(entry) = self.names.write().get_mut(&self.id) {
+        let mut table = self.names.write();
+        self.kept = !session.gone.is_cancelled();
+        if self.kept
+            && let Some(entry) = table.entries.get_mut(&self.id)
+        {
             entry.session = Some(session);
         }
-        self.kept = true;
     }
 }
 
 impl Drop for Place {
     fn drop(&mut self) {
         if !self.kept {
-            self.names.remove(&self.id);
+            self.names.write().remove(&self.id);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::tenant::Tenants;
+    use crate::session::token::Tokens;
+    use crate::session::{World, WorldConfig};
+    use firn_engine::cpu::CpuBackend;
+
+    /// As many cells in one tile as 64 times a height.
+    fn spec(height: u32) -> SessionSpec {
+        let mut spec = SessionSpec::default();
+        (spec.grid.width, spec.grid.depth, spec.grid.height) = (1, 1, height);
+        spec
+    }
+
+    /// Sums as they are kept, and as they come out anew.
+    fn sums(names: &Names) -> [(u64, usize, usize); 2] {
+        let table = names.read();
+        let anew = table.entries.values();
+        let held = table.tenants.values();
+        let owned = anew.clone().filter(|entry| entry.tenant.is_some());
+        [
+            (table.size.cells / 64, held.map(|held| held.names.len()).sum(), table.tenants.len()),
+            (
+                anew.map(|entry| entry.size.cells / 64).sum(),
+                owned.clone().count(),
+                owned
+                    .filter_map(|entry| Some(&entry.tenant.as_ref()?.name))
+                    .collect::<BTreeSet<_>>()
+                    .len(),
+            ),
+        ]
+    }
+
+    #[test]
+    fn what_is_held_is_what_the_names_make() {
+        let (names, tenants) = (Arc::<Names>::default(), Tenants::default());
+        let quotas = Quotas { sessions: Some(2), cells: Some(640), ..Quotas::default() };
+        tenants.set_quotas(&HashMap::from([("a".to_owned(), quotas)]));
+        let reserve = |id: &str, tenant: Option<&str>, width| {
+            let tenant = tenant.map(|name| tenants.named(name));
+            Place::reserve(names.clone(), Some(id.to_owned()), tenant, &spec(width), &Limits::NONE)
+        };
+        let first = reserve("1", Some("a"), 4).unwrap();
+        assert!(matches!(reserve("1", Some("b"), 1), Err(SessionError::Conflict(_))));
+        assert!(matches!(reserve("2", Some("a"), 7), Err(SessionError::QuotaReached(_))));
+        let second = reserve("2", Some("a"), 6).unwrap();
+        assert!(matches!(reserve("3", Some("a"), 0), Err(SessionError::QuotaReached(_))));
+        let others = [reserve("3", Some("b"), 50).unwrap(), reserve("4", None, 5).unwrap()];
+        assert_eq!(sums(&names), [(65, 3, 2); 2]);
+        drop(second);
+        assert_eq!(sums(&names), [(59, 2, 2); 2]);
+        drop(others);
+        assert_eq!(sums(&names), [(4, 1, 1); 2]);
+        drop(first);
+        assert_eq!(sums(&names), [(0, 0, 0); 2]);
+    }
+
+    #[test]
+    fn nobody_frees_a_name_that_is_another_ones_by_now() {
+        let config = WorldConfig { limits: Limits::NONE, publish_rate: 20.0, sleep: true };
+        let backend = Box::new(CpuBackend::new(None, false));
+        let (sessions, _world) = World::start(backend, config).unwrap();
+        let names = Arc::<Names>::default();
+        let reserve = || {
+            let id = Some("a".to_owned());
+            Place::reserve(names.clone(), id, None, &spec(4), &Limits::NONE)
+        };
+        let hashes = Tokens::generate().unwrap().hashes();
+        let make = || Session::new(&sessions, "a".to_owned(), None, spec(4), None, hashes);
+        let made = || Arc::new(make().unwrap());
+        // One of which nothing comes leaves its name to its place, and that to the next.
+        let (failed, place) = (made(), reserve().unwrap());
+        names.forget(&failed);
+        assert!(matches!(reserve(), Err(SessionError::Conflict(_))));
+        drop(place);
+        let next = reserve().unwrap();
+        names.forget(&failed);
+        assert!(matches!(reserve(), Err(SessionError::Conflict(_))));
+        // One that ends before it has its name leaves none behind.
+        next.keep(failed);
+        assert_eq!(names.count(), 0);
+        // One that has its name frees it, once.
+        let session = made();
+        reserve().unwrap().keep(session.clone());
+        assert!(names.get("a").is_some());
+        names.forget(&session);
+        let _next = reserve().unwrap();
+        names.forget(&session);
+        assert_eq!(names.count(), 1);
     }
 }

@@ -4,8 +4,6 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::snow::{Grid, Shape, TILE_SIDE};
-
 use super::error::{Invalid, SessionError};
 
 /// Words of four bytes that the objects of one session may take: thousands of vehicles, or fifteen
@@ -15,24 +13,6 @@ const MOST: u64 = 1 << 20;
 /// Words that the objects of all sessions may take: twice as many, for the two evaluations that a
 /// frame may begin with, fit the smallest buffer that a device has to bind.
 const MOST_IN_ALL: u64 = 1 << 23;
-
-/// Words of an object itself.
-const OBJECT: u64 = 12;
-
-/// Words that an object takes at the most, wherever it stands: for itself, two for each row of columns
-/// under it, and one for each tile.
-pub(super) fn words(shape: &Shape, grid: &Grid) -> u64 {
-    let (width, depth) = match *shape {
-        Shape::Box { width, depth } => (width, depth),
-        Shape::Disk { radius } => (2.0 * radius, 2.0 * radius),
-    };
-    let columns = |extent: f64, most: u32| {
-        ((extent / grid.cell_size).ceil() as u64).saturating_add(1).min(most.into())
-    };
-    let (columns, rows) = (columns(width, grid.width), columns(depth, grid.depth));
-    let tiles = |columns: u64| columns.div_ceil(TILE_SIDE.into()) + 1;
-    OBJECT + 2 * rows + tiles(columns) * tiles(rows)
-}
 
 /// What the objects of one session take of the words that there are for all.
 #[derive(Debug)]
@@ -94,26 +74,6 @@ impl Drop for ObjectRows {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::snow::{Footprint, Position};
-
-    #[test]
-    fn an_object_takes_no_more_than_it_says_wherever_it_stands() {
-        let grid = Grid { width: 100, depth: 60, height: 9, cell_size: 0.2 };
-        let shapes = [
-            Shape::Box { width: 0.1, depth: 0.1 },
-            Shape::Box { width: 1.6, depth: 1.6 },
-            Shape::Box { width: 3.3, depth: 7.9 },
-            Shape::Disk { radius: 2.45 },
-        ];
-        for shape in shapes {
-            for step in 0..40 {
-                let position = Position { x: 8.0 + 0.05 * f64::from(step), z: 5.9 };
-                let footprint = Footprint::new(&grid, &shape, position).unwrap();
-                let needed = 2 * footprint.spans.len() + footprint.tiles(&grid).len();
-                assert!(OBJECT + needed as u64 <= words(&shape, &grid), "{shape:?} {position:?}");
-            }
-        }
-    }
 
     #[test]
     fn what_one_session_gives_back_another_may_take() {

@@ -4,14 +4,17 @@
 use std::collections::HashMap;
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
+use firn_protocol::{ClearingReply, ColliderReply, SnowfallReply, Stamp};
 use ring::aead::{Aad, CHACHA20_POLY1305, LessSafeKey, Nonce, UnboundKey};
 use serde::{Deserialize, Serialize};
 
+use crate::store::StoreClock;
+
+use super::change::Applied;
 use super::idempotency::{Idempotency, RequestKey};
 use super::token::Tokens;
-use super::view::{Applied, ClearingReply, ColliderReply, SnowfallReply, Stamp};
 
 /// What tokens are sealed for: keys for other purposes are others.
 const PURPOSE: &str = "firn 2026 tokens in the answer to a request that is sent again";
@@ -39,8 +42,10 @@ impl fmt::Debug for Once {
 pub(super) struct Done {
     pub key: RequestKey,
     pub request: [u8; 32],
-    /// When it was done, in seconds since 1970.
-    pub at: u64,
+    /// When it was done, by the store's clock \[ms\]. Earlier versions noted the wall clock's time in
+    /// another field: those requests are as old as the store's clock is.
+    #[serde(default)]
+    pub at_ms: u64,
     pub result: DoneResult,
 }
 
@@ -57,27 +62,32 @@ pub(super) enum DoneResult {
 
 impl Done {
     /// A change that was applied.
-    pub fn applied(once: &Once, applied: &Applied) -> Done {
+    pub fn applied(once: &Once, applied: &Applied, at: Duration) -> Done {
         let result = match applied {
             Applied::Snowfall(reply) => DoneResult::Snowfall(*reply),
             Applied::Clearing(reply) => DoneResult::Clearing(*reply),
-            Applied::Collider(reply) => {
-                DoneResult::Collider { reply: reply.clone(), created: reply.created }
+            Applied::Collider { reply, created } => {
+                DoneResult::Collider { reply: reply.clone(), created: *created }
             }
             Applied::AirTemperature(reply) => DoneResult::Stamp(reply.stamp),
             Applied::Stamp(stamp) => DoneResult::Stamp(*stamp),
         };
-        Done { key: once.key, request: once.request, at: now(), result }
+        Done { key: once.key, request: once.request, at_ms: milliseconds(at), result }
     }
 
     /// A session that was created.
     ///
     /// # Errors
     /// Where the operating system has no random numbers.
-    pub fn created(once: &Once, id: &str, tokens: &Tokens) -> Result<Done, getrandom::Error> {
+    pub fn created(
+        once: &Once,
+        id: &str,
+        tokens: &Tokens,
+        at: Duration,
+    ) -> Result<Done, getrandom::Error> {
         let tokens = Sealed::seal(&once.secret, tokens)?;
         let result = DoneResult::Created { id: id.to_owned(), tokens };
-        Ok(Done { key: once.key, request: once.request, at: now(), result })
+        Ok(Done { key: once.key, request: once.request, at_ms: milliseconds(at), result })
     }
 
     /// Number of the row that holds it.
@@ -86,9 +96,9 @@ impl Done {
         u64::from_be_bytes(*first)
     }
 
-    /// Whether nobody may ask for it any more.
-    pub fn is_old(&self) -> bool {
-        Duration::from_secs(now().saturating_sub(self.at)) >= Idempotency::LIFETIME
+    /// Whether nobody may ask for it any more at some time.
+    fn is_old(&self, now: Duration) -> bool {
+        now.saturating_sub(Duration::from_millis(self.at_ms)) >= Idempotency::LIFETIME
     }
 
     /// The answer to the change that it was.
@@ -97,7 +107,7 @@ impl Done {
             DoneResult::Snowfall(reply) => Applied::Snowfall(*reply),
             DoneResult::Clearing(reply) => Applied::Clearing(*reply),
             DoneResult::Collider { reply, created } => {
-                Applied::Collider(ColliderReply { created: *created, ..reply.clone() })
+                Applied::Collider { reply: reply.clone(), created: *created }
             }
             DoneResult::Stamp(stamp) => Applied::Stamp(*stamp),
             DoneResult::Created { .. } => return None,
@@ -105,8 +115,8 @@ impl Done {
     }
 }
 
-fn now() -> u64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
+fn milliseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
 }
 
 /// Tokens that only somebody with the request's secret can read.
@@ -153,13 +163,37 @@ fn nonce() -> Nonce {
     Nonce::assume_unique_for_key([0; 12])
 }
 
-/// What came of the requests that carried a key lately.
+/// What came of the requests that carried a key lately, by the store's clock.
 #[derive(Debug, Default)]
-pub(super) struct Answered(Mutex<HashMap<RequestKey, Arc<Done>>>);
+pub(super) struct Answered {
+    clock: StoreClock,
+    done: Mutex<HashMap<RequestKey, Arc<Done>>>,
+}
 
 impl Answered {
+    /// Nothing yet.
+    pub fn by(clock: StoreClock) -> Answered {
+        Answered { clock, done: Mutex::default() }
+    }
+
     fn lock(&self) -> MutexGuard<'_, HashMap<RequestKey, Arc<Done>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.done.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Goes on from the newest request that is stored, where the clock is behind it: nothing that is
+    /// newer by the clock would be forgotten before it.
+    pub fn go_on_from(&self, newest: &Done) {
+        self.clock.begin_no_earlier_than(Duration::from_millis(newest.at_ms));
+    }
+
+    /// The time that requests are done at.
+    pub fn now(&self) -> Duration {
+        self.clock.now()
+    }
+
+    /// Whether nobody may ask for what came of a request any more.
+    pub fn is_over(&self, done: &Done) -> bool {
+        done.is_old(self.now())
     }
 
     /// Notes what came of a request, once that is durable.
@@ -174,7 +208,7 @@ impl Answered {
 
     /// What came of a request, if it has been made.
     pub fn find(&self, key: &RequestKey) -> Option<Arc<Done>> {
-        self.lock().get(key).filter(|done| !done.is_old()).cloned()
+        self.lock().get(key).filter(|done| !self.is_over(done)).cloned()
     }
 
     /// The answer to a change, if it has been made.
@@ -187,6 +221,8 @@ impl Answered {
 mod tests {
     use super::*;
 
+    const AT: Duration = Duration::from_secs(1000);
+
     fn once() -> Once {
         Once { key: [1; 32], request: [2; 32], secret: [3; 32] }
     }
@@ -194,7 +230,7 @@ mod tests {
     #[test]
     fn tokens_are_read_with_their_secret_alone() {
         let tokens = Tokens::generate().unwrap();
-        let done = Done::created(&once(), "a", &tokens).unwrap();
+        let done = Done::created(&once(), "a", &tokens, AT).unwrap();
         let text = serde_json::to_string(&done).unwrap();
         assert!(!text.contains(&tokens.token) && !text.contains(&tokens.viewer_token), "{text}");
         let done: Done = serde_json::from_str(&text).unwrap();
@@ -202,7 +238,7 @@ mod tests {
         let opened = sealed.open(&once().secret).unwrap();
         assert_eq!((opened.token, opened.viewer_token), (tokens.token, tokens.viewer_token));
         assert!(sealed.open(&[4; 32]).is_none());
-        let again = Done::created(&once(), "a", &opened_tokens()).unwrap();
+        let again = Done::created(&once(), "a", &opened_tokens(), AT).unwrap();
         let DoneResult::Created { tokens: other, .. } = again.result else { panic!() };
         assert_ne!(sealed.salt, other.salt, "no key is used twice");
     }
@@ -212,11 +248,27 @@ mod tests {
     }
 
     #[test]
+    fn an_answer_is_over_when_the_stores_clock_says_so() {
+        let stamp = Applied::Stamp(Stamp { tick: 3, seq: 9 });
+        let done = Done::applied(&once(), &stamp, AT);
+        let second = Duration::from_secs(1);
+        assert!(!done.is_old(AT + Idempotency::LIFETIME - second));
+        assert!(done.is_old(AT + Idempotency::LIFETIME));
+        assert!(!done.is_old(AT - second), "a backup's clock may be behind");
+        // One of an earlier version counts from the store's beginning.
+        let mut text = serde_json::to_value(&done).unwrap();
+        text.as_object_mut().unwrap().remove("at_ms");
+        text["at"] = 1_790_000_000_u64.into();
+        let old: Done = serde_json::from_value(text).unwrap();
+        assert!(!old.is_old(Duration::ZERO) && old.is_old(Idempotency::LIFETIME));
+    }
+
+    #[test]
     fn an_answer_is_the_same_after_it_was_stored() {
         let stamp = Stamp { tick: 3, seq: 9 };
         let reply = SnowfallReply { stamp, fallen_mass: 0.1 + 0.2, refused_mass: 1e-9 };
         let applied = Applied::Snowfall(reply);
-        let text = serde_json::to_string(&Done::applied(&once(), &applied)).unwrap();
+        let text = serde_json::to_string(&Done::applied(&once(), &applied, AT)).unwrap();
         let answered = Answered::default();
         answered.note(serde_json::from_str::<Done>(&text).unwrap().into());
         assert_eq!(answered.answer(Some(&once())), Some(applied));

@@ -3,27 +3,26 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use tokio::sync::oneshot;
+use firn_engine::frame::{Edit, SampleBox};
+use firn_protocol::MassView;
 
-use crate::engine::frame::{Edit, SampleBox};
-
+use super::answer::Answer;
+use super::change::Applied;
 use super::clock::{Advance, Clock};
 use super::error::SessionError;
 use super::gather::{Gathered, Sampled};
 use super::once::Once;
 use super::snapshot::Snapshot;
-use super::view::{Applied, MassView};
 
-/// Edits of one session in one frame after which others wait for the next.
-pub(super) const MOST_EDITS: usize = 4096;
-
-/// Answer channel of a request.
-pub(super) type Answer<T> = oneshot::Sender<Result<T, SessionError>>;
+/// Changes of one session in one frame after which others of it wait for the next.
+pub(super) const MOST_CHANGES: usize = 4096;
 
 /// What is waiting for the next frame.
 #[derive(Debug, Default)]
 pub(super) struct Orders {
     pub edits: Vec<Edit>,
+    /// Changes that were made or refused for it, each object of a batch for itself.
+    pub changes: usize,
     pub wake: bool,
     pub replies: Vec<Reply>,
     /// Columns and tiles wanted.
@@ -150,19 +149,14 @@ impl Orders {
     pub fn refuse(self, why: &SessionError) {
         for reply in self.replies {
             match reply {
-                Reply::Created(answer) | Reply::Done(answer) => refuse(answer, why),
-                Reply::Change { answer: Some(answer), .. } => refuse(answer, why),
+                Reply::Created(answer) | Reply::Done(answer) => answer.refuse(why),
+                Reply::Change { answer: Some(answer), .. } => answer.refuse(why),
                 Reply::Change { answer: None, .. } | Reply::Snowfall { .. } => {}
             }
         }
-        self.gathers.into_iter().for_each(|(_, answer)| refuse(answer, why));
-        self.tallies.into_iter().for_each(|answer| refuse(answer, why));
-        self.snapshots.into_iter().for_each(|answer| refuse(answer, why));
-        self.samples.into_iter().for_each(|(_, answer)| refuse(answer, why));
+        self.gathers.into_iter().for_each(|(_, answer)| answer.refuse(why));
+        self.tallies.into_iter().for_each(|answer| answer.refuse(why));
+        self.snapshots.into_iter().for_each(|answer| answer.refuse(why));
+        self.samples.into_iter().for_each(|(_, answer)| answer.refuse(why));
     }
-}
-
-/// Answers with an error. Whoever has gone away needs none.
-pub(super) fn refuse<T>(answer: Answer<T>, why: &SessionError) {
-    drop(answer.send(Err(why.clone())));
 }

@@ -1,265 +1,281 @@
-//! How many cycles a frame takes on, and runs of more, which are carried out in portions.
+//! How much a frame does of a session, and work that takes several frames.
 //!
-//! A step takes as many ticks at a time as a frame should have cycles. But a single tick may have
-//! thousands of cycles. Nobody else waits for all of them: other snowpacks have their frames in between.
-//! The snowpack itself is between two ticks only when the last portion is done; until then its orders
-//! wait, and nothing of it is published.
+//! What a frame does is counted in units: cells that are looked at once. A session has as many of them in a
+//! frame as take a few milliseconds, so that nobody else waits long: other snowpacks have their frames in
+//! between, also in the middle of a cycle. The snowpack itself is between two ticks only when all of it is
+//! done; until then its orders wait, and nothing of it is published.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use crate::engine::frame::{Run, SampleBox, Work, WorkOutcome};
+use firn_engine::frame::{Edit, SampleBox, Slot, Work, WorkOutcome};
+use firn_snow::{Grid, TILE_COLUMNS};
 
-/// Shortest and longest time that a frame should take: others wait no longer than two.
-pub(super) const FRAME_TIME: (Duration, Duration) =
-    (Duration::from_millis(5), Duration::from_millis(11));
+use super::reach::Reach;
+
+/// Shortest and longest time that one session's part of a frame should take: others wait no longer than
+/// two.
+const FRAME_TIME: (Duration, Duration) = (Duration::from_millis(5), Duration::from_millis(11));
 
 /// The same where sessions are brought back: nobody waits for the frame's answer, but a device may
 /// take one that is much too long for a failure.
-pub(super) const REPLAY_TIME: (Duration, Duration) =
-    (Duration::from_millis(50), Duration::from_millis(200));
+const REPLAY_TIME: (Duration, Duration) = (Duration::from_millis(50), Duration::from_millis(200));
 
-/// Cycles of a snowpack's first frame.
-const FIRST: u32 = 8;
+/// Units of a session's first frame.
+const FIRST: u64 = 1 << 20;
 
-/// The same where a session is brought back.
-const FIRST_OF_REPLAY: u32 = 64;
+/// The same where it is brought back.
+const FIRST_OF_REPLAY: u64 = 1 << 23;
 
-/// Cycles that are never parted: many snowpacks that tick in one frame may make it a long one, and
-/// would only make more of them.
-const LEAST: u32 = 8;
+/// Fewest units of a frame: less takes no time worth speaking of, on any device.
+const LEAST: u64 = 1 << 16;
 
-/// How a snowpack's runs are parted, and the one that is under way.
+/// Units of a column on which snow falls or is cleared.
+const FALL: u64 = 4;
+
+/// How much a frame does of a session, and the work that is under way.
 #[derive(Debug)]
 pub(super) struct Portions {
-    /// Cycles that a frame should have.
-    size: u32,
-    /// Cycles in the newest frame.
-    cycles: u32,
+    /// Units that a frame should have at the most.
+    size: u64,
+    /// Shortest and longest time that they should take.
+    time: (Duration, Duration),
+    /// Tiles that may be awake.
+    awake: u64,
+    /// Units of the work in the frame in flight, if all of it is done there.
+    expected: u64,
+    /// Units that the next work costs beside what it says.
+    beside: u64,
+    /// It may do no more than `size` of them.
+    limited: bool,
     under_way: Option<UnderWay>,
 }
 
-/// A run of which some frames are done.
+/// Work of which some frames are done.
 #[derive(Debug)]
 struct UnderWay {
-    /// What is still to be done, and what is wanted at the end.
-    rest: Work,
-    /// Cycles before those of the frame in flight.
-    done: u32,
-    /// 1 + index of the last of these in which a cell changed; 0 for none.
-    last_change: u32,
-    /// What the edits before the first cycle did.
-    edits: Vec<u64>,
+    slot: Slot,
+    /// Cells of the fixed grid that are wanted at the end.
+    samples: u64,
 }
 
 impl Default for Portions {
     fn default() -> Self {
-        Portions { size: FIRST, cycles: 0, under_way: None }
+        Portions {
+            size: FIRST,
+            time: FRAME_TIME,
+            awake: 0,
+            expected: 0,
+            beside: 0,
+            limited: false,
+            under_way: None,
+        }
     }
 }
 
 impl Portions {
-    /// Whether a run has begun and not ended.
+    /// For a session that is brought back while nobody waits for a frame.
+    pub fn for_replay() -> Portions {
+        Portions { size: FIRST_OF_REPLAY, time: REPLAY_TIME, ..Portions::default() }
+    }
+
+    /// Whether work has begun and not ended.
     pub fn are_under_way(&self) -> bool {
         self.under_way.is_some()
     }
 
-    /// Cycles that a frame should have at the most.
-    pub fn size(&self) -> u32 {
-        self.size
+    /// Whether that many units are more than a frame should have.
+    pub fn part(&self, units: u64) -> bool {
+        units > self.size
     }
 
-    /// The same for ticks that are due, of which a frame has at least a few.
-    pub fn least(&self) -> u32 {
-        self.size.max(LEAST)
+    /// Cycles that a frame should have, each of so many units: one at least.
+    pub fn cycles(&self, units: u64) -> u32 {
+        u32::try_from(self.size / units.max(1)).unwrap_or(u32::MAX).max(1)
     }
 
-    /// Forgets how many cycles were right: there is more to do in each of them now.
-    pub fn begin_anew(&mut self) {
-        self.size = self.size.min(FIRST);
+    /// Notes that the first work costs so many units beside what it says.
+    pub fn furnish(&mut self, units: u64) {
+        self.beside = units;
     }
 
-    /// For a session that is brought back: nobody waits for its first frames.
-    pub fn for_replay() -> Portions {
-        Portions { size: FIRST_OF_REPLAY, ..Portions::default() }
+    /// Notes that so many tiles may be awake now that were not.
+    pub fn disturb(&mut self, tiles: u64) {
+        self.awake = self.awake.saturating_add(tiles);
     }
 
-    /// Begins with some work. Returns the part of it that goes into the coming frame.
-    pub fn begin(&mut self, mut work: Work) -> Work {
-        self.cycles = work.run.cycles.min(self.least());
-        if work.run.cycles <= self.least() {
+    /// Notes how many tiles are awake.
+    pub fn awake(&mut self, tiles: u32) {
+        self.awake = tiles.into();
+    }
+
+    /// Units of a cycle, with some objects on the snow.
+    pub fn cycle<'a>(&self, grid: &Grid, objects: impl Iterator<Item = &'a Reach>) -> u64 {
+        let snow = self.awake.min(grid.tiles().into()) * cells_of_tile(grid);
+        objects.fold(snow, |sum, object| sum.saturating_add(object.units(grid)))
+    }
+
+    /// Has what fits a frame go as it is, and the rest in parts. `cycle` is what a cycle costs.
+    pub fn begin(&mut self, work: Work, cycle: u64, grid: &Grid) -> Work {
+        let read = work.gather.len() + if work.tally { grid.tiles() as usize } else { 0 };
+        let samples = work.samples.iter().map(SampleBox::cells).sum::<u64>();
+        self.expected = (work.edits.iter().map(|edit| units_of(edit, grid)))
+            .chain([cycle.saturating_mul(work.run.cycles.into()), samples])
+            .chain([std::mem::take(&mut self.beside)])
+            .fold(read as u64 * cells_of_tile(grid), u64::saturating_add);
+        self.limited = self.part(self.expected);
+        if !self.limited {
             return work;
         }
-        let edits = std::mem::take(&mut work.edits);
-        let wake = std::mem::take(&mut work.wake);
-        let first = Work { edits, wake, ..self.part_of(&mut work) };
-        let rest = UnderWay { rest: work, done: 0, last_change: 0, edits: Vec::new() };
-        self.under_way = Some(rest);
-        first
+        self.under_way = Some(UnderWay { slot: work.slot, samples });
+        Work { limit: Some(self.size), ..work }
     }
 
-    /// Goes on with the run that is under way, of which the end is published or not. Returns what
-    /// goes into the coming frame: nothing where `room` is too small for the cells of the fixed grid
-    /// that are wanted at the end.
+    /// Goes on with the work that is under way, of which the end is published or not: not where `room` is
+    /// too small for the cells of the fixed grid that are wanted at the end.
     pub fn go_on(&mut self, publish: bool, room: &AtomicU64) -> Option<Work> {
-        let mut under_way = self.under_way.take()?;
-        let rest = &mut under_way.rest;
-        rest.publish = publish;
-        let work = if rest.run.cycles > self.least() {
-            Some(self.part_of(rest))
-        } else {
-            let wanted = rest.samples.iter().map(SampleBox::cells).sum();
-            let left = |room: u64| room.checked_sub(wanted);
-            let fits = room.try_update(Ordering::Relaxed, Ordering::Relaxed, left).is_ok();
-            fits.then(|| std::mem::take(rest))
-        };
-        self.cycles = work.as_ref().map_or(0, |work| work.run.cycles);
-        self.under_way = Some(under_way);
-        work
+        let UnderWay { slot, samples } = *self.under_way.as_ref()?;
+        let left = |room: u64| room.checked_sub(samples);
+        room.try_update(Ordering::Relaxed, Ordering::Relaxed, left).ok()?;
+        Some(Work::resume(slot, publish, Some(self.size)))
     }
 
-    /// Takes the next portion off a run.
-    fn part_of(&self, work: &mut Work) -> Work {
-        work.run.cycles -= self.least();
-        let run = Run { cycles: self.least(), dt: work.run.dt };
-        Work { slot: work.slot, run, ..Work::default() }
+    /// Units that an outcome stands for: those that were counted, or that were expected.
+    pub fn units(&self, outcome: &WorkOutcome) -> u64 {
+        if outcome.units > 0 { outcome.units } else { self.expected }
     }
 
-    /// Takes in the outcome of a frame. Returns that of the whole, where this was the end of it.
+    /// Takes in the outcome of a frame. Returns it where that is the end of the work.
     pub fn take_in(&mut self, outcome: WorkOutcome) -> Option<WorkOutcome> {
-        let Some(mut under_way) = self.under_way.take() else { return Some(outcome) };
-        if outcome.last_change > 0 {
-            under_way.last_change = under_way.done + outcome.last_change;
-        }
-        under_way.done += self.cycles;
-        under_way.edits.extend(&outcome.edits);
-        if under_way.rest.run.cycles > 0 {
-            self.under_way = Some(under_way);
+        if outcome.unfinished {
             return None;
         }
-        let UnderWay { last_change, edits, .. } = under_way;
-        Some(WorkOutcome { last_change, edits, ..outcome })
+        self.under_way = None;
+        Some(outcome)
     }
 
-    /// Fits the size to the time that the newest frame took, and the shortest and longest that it
-    /// should take.
-    pub fn fit(&mut self, frame: Duration, (shortest, longest): (Duration, Duration)) {
-        if self.cycles == 0 {
-            return;
+    /// Fits the size to the time that so many units took.
+    pub fn fit(&mut self, units: u64, took: Duration) {
+        let (shortest, longest) = self.time;
+        if took > longest {
+            // Half as much at the least, less where it was much too long.
+            let wanted = (units as f64 * shortest.div_duration_f64(took)) as u64;
+            self.size = self.size.min(wanted.max(units / 8)).max(LEAST);
+        } else if self.limited && took < shortest {
+            self.size = self.size.saturating_mul(2);
         }
-        if frame > longest {
-            self.size = self.size.min((self.cycles / 2).max(1));
-        } else if frame < shortest {
-            self.size = self.size.max(self.cycles.saturating_mul(2));
-        }
+    }
+
+    /// Forgets what was right where nobody waited.
+    pub fn begin_anew(&mut self) {
+        self.size = self.size.min(FIRST);
+        self.time = FRAME_TIME;
+    }
+}
+
+fn cells_of_tile(grid: &Grid) -> u64 {
+    u64::from(TILE_COLUMNS) * u64::from(grid.height)
+}
+
+/// Units of a change.
+fn units_of(edit: &Edit, grid: &Grid) -> u64 {
+    match edit {
+        Edit::Deposit(fall) => FALL * fall.columns.columns(),
+        Edit::Clear { columns, .. } => FALL * columns.columns(),
+        Edit::PutCollider { collider, .. } => 1 + u64::from(collider.footprint.columns),
+        Edit::RemoveCollider { .. } => 1,
+        Edit::SetMaterial(_) => u64::from(grid.tiles()),
+        Edit::Restore(_) => u64::from(grid.tiles()) * cells_of_tile(grid),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::frame::Edit;
+    use firn_engine::frame::{Run, contact_units};
+    use firn_snow::Shape;
 
-    const ROOM: u64 = 1000;
+    const GRID: Grid = Grid { width: 64, depth: 64, height: 10, cell_size: 0.2 };
+    const TILE: u64 = 640;
 
     fn work(cycles: u32) -> Work {
         let edits = vec![Edit::RemoveCollider { id: "a".into() }];
-        Work {
-            slot: 7,
-            edits,
-            wake: true,
-            run: Run { cycles, dt: 0.25 },
-            publish: true,
-            gather: vec![3],
-            ..Work::default()
-        }
+        let run = Run { cycles, dt: 0.25 };
+        Work { slot: 7, edits, wake: true, run, publish: true, gather: vec![3], ..Work::default() }
     }
 
     #[test]
     fn what_is_short_goes_as_it_is() {
         let mut portions = Portions::default();
-        let whole = portions.begin(work(FIRST));
-        assert_eq!((whole.run.cycles, whole.edits.len(), whole.publish), (FIRST, 1, true));
+        let whole = portions.begin(work(5), 1000, &GRID);
+        assert_eq!((whole.limit, whole.resume, whole.edits.len()), (None, false, 1));
         assert!(!portions.are_under_way());
-        let outcome = WorkOutcome { last_change: 5, edits: vec![9], ..WorkOutcome::default() };
-        let outcome = portions.take_in(outcome).unwrap();
-        assert_eq!((outcome.last_change, outcome.edits), (5, vec![9]));
+        let outcome = WorkOutcome { last_change: 5, ..WorkOutcome::default() };
+        assert_eq!(portions.units(&outcome), 5001 + TILE);
+        assert_eq!(portions.take_in(outcome).unwrap().last_change, 5);
     }
 
     #[test]
-    fn portions_are_one_run() {
-        let (mut portions, room) = (Portions::default(), AtomicU64::new(ROOM));
-        let mut next = Some(portions.begin(work(1000)));
-        let (mut cycles, mut frames) = (0, 0);
-        let outcome = loop {
-            let part = next.take().expect("there is room");
-            let last = cycles + part.run.cycles == 1000;
-            assert_eq!((part.slot, part.run.dt), (7, 0.25));
-            assert_eq!((part.edits.len(), part.wake), (usize::from(frames == 0), frames == 0));
-            assert_eq!((part.publish, part.gather.len()), (last, usize::from(last)));
-            // A cell changes in cycle 700 and in none after.
-            let last_change = if cycles < 700 { part.run.cycles.min(700 - cycles) } else { 0 };
-            let edits = if frames == 0 { vec![4] } else { Vec::new() };
-            cycles += part.run.cycles;
-            frames += 1;
-            let outcome = WorkOutcome { last_change, edits, ..WorkOutcome::default() };
-            if let Some(whole) = portions.take_in(outcome) {
-                break whole;
-            }
+    fn what_is_long_is_done_in_parts() {
+        let (mut portions, room) = (Portions::default(), AtomicU64::new(0));
+        let first = portions.begin(work(1000), FIRST, &GRID);
+        assert_eq!((first.limit, first.run.cycles, first.edits.len()), (Some(FIRST), 1000, 1));
+        let part = || WorkOutcome { unfinished: true, units: FIRST, ..WorkOutcome::default() };
+        for publish in [true, false] {
+            assert!(portions.take_in(part()).is_none());
             assert!(portions.are_under_way());
-            portions.fit(Duration::from_millis(if frames < 6 { 1 } else { 7 }), FRAME_TIME);
-            next = portions.go_on(true, &room);
-        };
-        assert_eq!((cycles, frames), (1000, 8), "8, 16, 32, 64, 128, 256, 256 and what is left");
-        assert_eq!((outcome.last_change, outcome.edits), (700, vec![4]));
+            let next = portions.go_on(publish, &room).unwrap();
+            assert_eq!((next.slot, next.resume, next.publish), (7, true, publish));
+            assert_eq!((next.limit, next.edits.len(), next.run.cycles), (Some(FIRST), 0, 0));
+        }
+        assert!(portions.take_in(WorkOutcome::default()).is_some());
         assert!(!portions.are_under_way());
-    }
-
-    /// The size after a run of so many cycles, in a frame of so many milliseconds.
-    fn fitted(portions: &mut Portions, cycles: u32, frame: u64) -> u32 {
-        portions.begin(work(cycles));
-        portions.under_way = None;
-        portions.fit(Duration::from_millis(frame), FRAME_TIME);
-        portions.size
+        assert!(portions.go_on(true, &room).is_none());
     }
 
     #[test]
-    fn slow_frames_make_small_portions_but_ticks_are_not_cut_too_small() {
-        let mut portions = Portions { size: 64, ..Portions::default() };
-        for (frame, size) in [(50, 32), (12, 16), (90, 8), (90, 4), (90, 4), (6, 4)] {
-            assert_eq!(fitted(&mut portions, 5000, frame), size);
-        }
-        assert_eq!(portions.least(), LEAST);
-        for (cycles, size) in [(4, 2), (2, 1), (1, 1)] {
-            assert_eq!(fitted(&mut portions, cycles, 90), size, "steps take as few as it takes");
-        }
+    fn only_what_is_awake_costs_and_what_stands_on_it() {
+        let mut portions = Portions::default();
+        let reach = Reach::new(&Shape::Box { width: 0.6, depth: 0.6 }, &GRID);
+        let object = contact_units(16) + 4 * TILE;
+        portions.disturb(3);
+        assert_eq!(portions.cycle(&GRID, [].into_iter()), 3 * TILE);
+        assert_eq!(portions.cycle(&GRID, [&reach, &reach].into_iter()), 3 * TILE + 2 * object);
+        portions.disturb(100);
+        assert_eq!(portions.cycle(&GRID, [].into_iter()), 64 * TILE, "no more than there are");
+        portions.awake(1);
+        assert_eq!(portions.cycle(&GRID, [].into_iter()), TILE);
+        assert_eq!(portions.cycles(FIRST / 5), 5);
+        assert_eq!(portions.cycles(10 * FIRST), 1);
     }
 
     #[test]
-    fn only_a_frame_that_was_full_makes_larger_ones() {
-        let mut portions = Portions { size: 64, ..Portions::default() };
-        for (cycles, size) in [(1, 64), (32, 64), (33, 66), (66, 132), (5, 132)] {
-            assert_eq!(fitted(&mut portions, cycles, 1), size);
-        }
-        portions.begin_anew();
-        assert_eq!(portions.size, FIRST);
-        portions.begin(Work { run: Run::default(), ..work(1) });
-        portions.fit(Duration::from_millis(90), FRAME_TIME);
-        assert_eq!(portions.size, FIRST, "a frame without cycles says nothing");
+    fn slow_frames_make_small_parts_and_only_full_ones_make_them_larger() {
+        let mut portions = Portions { size: FIRST, ..Portions::default() };
+        let mut fitted = |units: u64, limited: bool, milliseconds: u64| {
+            portions.limited = limited;
+            portions.fit(units, Duration::from_millis(milliseconds));
+            portions.size
+        };
+        assert_eq!(fitted(FIRST, true, 8), FIRST);
+        assert_eq!(fitted(FIRST, false, 1), FIRST, "it had no more to do");
+        assert_eq!(fitted(FIRST, true, 4), 2 * FIRST);
+        assert_eq!(fitted(2 * FIRST, true, 20), FIRST / 2);
+        assert_eq!(fitted(FIRST / 2, true, 5000), FIRST / 16);
+        assert_eq!(fitted(FIRST / 16, true, 5000), LEAST);
+        assert_eq!(fitted(100 * FIRST, false, 20), LEAST, "others were in the way");
     }
 
     #[test]
     fn the_end_waits_for_room() {
         let mut portions = Portions::default();
-        let columns = crate::snow::ColumnRect { x0: 0, z0: 0, x1: 10, z1: 10 };
+        let columns = firn_snow::ColumnRect { x0: 0, z0: 0, x1: 10, z1: 10 };
         let wanted = SampleBox { columns, y0: 0, height: 10, dt: 0.1 };
-        portions.begin(Work { samples: vec![wanted], ..work(16) });
-        assert!(portions.take_in(WorkOutcome::default()).is_none());
-        assert!(portions.go_on(true, &AtomicU64::new(ROOM - 1)).is_none());
+        portions.begin(Work { samples: vec![wanted], ..work(16) }, FIRST, &GRID);
+        assert!(portions.go_on(true, &AtomicU64::new(999)).is_none());
         assert!(portions.are_under_way());
-        let room = AtomicU64::new(ROOM);
-        assert_eq!(portions.go_on(true, &room).unwrap().run.cycles, 8);
+        let room = AtomicU64::new(1000);
+        assert!(portions.go_on(true, &room).is_some());
         assert_eq!(room.into_inner(), 0);
-        assert!(portions.take_in(WorkOutcome::default()).is_some());
     }
 }

@@ -1,73 +1,19 @@
 //! Probes: how deep something would sink, without putting it on the snow.
 
-use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
-
-use crate::engine::frame::TileCells;
-use crate::snow::{Column, GRAVITY, Grid, Material, SurfaceLoad};
+use firn_engine::frame::TileCells;
+use firn_protocol::{Probe, ProbeBatch, ProbeReply, ProbeView};
+use firn_snow::{Column, GRAVITY, Grid, Material, SurfaceLoad};
 
 use super::clock::FRAME_RATE;
 use super::error::{Check, SessionError};
 use super::gather::Gathered;
 use super::handle::Session;
-use super::view::Stamp;
 
 /// Most probes of one request.
 const LARGEST_BATCH: usize = 1024;
 
 /// Length of the cycles that are assumed where time stands still \[s\].
 const CYCLE_AT_REST: f64 = 1.0 / FRAME_RATE;
-
-/// Loads to try on the snow.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ProbeBatch {
-    /// The loads; each is evaluated as if it were the only one.
-    #[schema(min_items = 1, max_items = 1024)]
-    pub probes: Vec<Probe>,
-}
-
-/// A load on level snow.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Probe {
-    /// Where it stands along x \[m\], inside the grid.
-    #[schema(minimum = 0)]
-    pub x: f64,
-    /// Where it stands along z \[m\], inside the grid.
-    #[schema(minimum = 0)]
-    pub z: f64,
-    /// Mass \[kg\].
-    #[schema(exclusive_minimum = 0, maximum = 1e9)]
-    pub mass: f64,
-    /// Area it stands on \[m²\].
-    #[schema(minimum = 1e-6, maximum = 1e12)]
-    pub area: f64,
-}
-
-/// Answer to probes.
-#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct ProbeReply {
-    /// When this holds.
-    #[serde(flatten)]
-    pub stamp: Stamp,
-    /// What becomes of each load, in the order asked for.
-    pub probes: Vec<ProbeView>,
-}
-
-/// What becomes of a load.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
-pub struct ProbeView {
-    /// Present height of the column less its height once it has come to rest under the load, other
-    /// objects left out \[m\]. What the snow still settles by itself is counted.
-    pub sink_depth: f64,
-    /// Hardness of the snow at the surface \[Pa\]; 0 where there is none.
-    pub surface_hardness: f64,
-    /// Pressure of the load, mass · g / area \[Pa\].
-    pub pressure: f64,
-    /// Whether the pressure is not above the surface's hardness; never where there is no snow.
-    pub carries: bool,
-}
 
 impl Session {
     /// How deep loads would sink: the equilibrium of the columns that they stand on.
@@ -76,8 +22,8 @@ impl Session {
     /// [`SessionError::Invalid`] names each field that is out of its range.
     pub async fn probe(&self, batch: ProbeBatch) -> Result<ProbeReply, SessionError> {
         let grid = self.spec.grid;
-        batch.check(&grid)?;
-        let mut tiles: Vec<u32> = batch.probes.iter().map(|probe| probe.place(&grid).0).collect();
+        check(&batch, &grid)?;
+        let mut tiles: Vec<u32> = batch.probes.iter().map(|probe| place(probe, &grid).0).collect();
         tiles.sort_unstable();
         tiles.dedup();
         let gathered = self.gather(tiles.clone()).await?;
@@ -89,52 +35,48 @@ impl Session {
     }
 }
 
-impl ProbeBatch {
-    fn check(&self, grid: &Grid) -> Result<(), SessionError> {
-        let mut check = Check::default();
-        let count = self.probes.len();
-        if !(1..=LARGEST_BATCH).contains(&count) {
-            check.reject("/probes", format!("{count} probes; 1 to {LARGEST_BATCH} are answered"));
-            return check.finish();
-        }
-        for (i, probe) in self.probes.iter().enumerate() {
-            let at = |field| format!("/probes/{i}/{field}");
-            for (field, metres, columns) in [("x", probe.x, grid.width), ("z", probe.z, grid.depth)]
-            {
-                check.range(at(field), metres, 0.0, f64::from(columns) * grid.cell_size, "m");
-            }
-            // The ranges that colliders have.
-            if !(probe.mass > 0.0 && probe.mass <= 1e9) {
-                let detail = format!("{} is not above 0 and up to 1000000000 kg", probe.mass);
-                check.reject(at("mass"), detail);
-            }
-            check.range(at("area"), probe.area, 1e-6, 1e12, "m²");
-        }
-        check.finish()
+/// Checks every probe of a batch.
+fn check(batch: &ProbeBatch, grid: &Grid) -> Result<(), SessionError> {
+    let mut check = Check::default();
+    let count = batch.probes.len();
+    if !(1..=LARGEST_BATCH).contains(&count) {
+        check.reject("/probes", format!("{count} probes; 1 to {LARGEST_BATCH} are answered"));
+        return check.finish();
     }
+    for (i, probe) in batch.probes.iter().enumerate() {
+        let at = |field| format!("/probes/{i}/{field}");
+        for (field, metres, columns) in [("x", probe.x, grid.width), ("z", probe.z, grid.depth)] {
+            check.range(at(field), metres, 0.0, f64::from(columns) * grid.cell_size, "m");
+        }
+        // The ranges that colliders have.
+        if !(probe.mass > 0.0 && probe.mass <= 1e9) {
+            let detail = format!("{} is not above 0 and up to 1000000000 kg", probe.mass);
+            check.reject(at("mass"), detail);
+        }
+        check.range(at("area"), probe.area, 1e-6, 1e12, "m²");
+    }
+    check.finish()
 }
 
-impl Probe {
-    /// Tile of the column it stands on, and the column's index in it.
-    fn place(&self, grid: &Grid) -> (u32, u32) {
-        // The far edge belongs to the last column.
-        let column =
-            |metres: f64, columns: u32| ((metres / grid.cell_size) as u32).min(columns - 1);
-        grid.locate(column(self.x, grid.width), column(self.z, grid.depth))
-    }
+/// Tile of the column it stands on, and the column's index in it.
+fn place(probe: &Probe, grid: &Grid) -> (u32, u32) {
+    // The far edge belongs to the last column.
+    let column = |metres: f64, columns: u32| ((metres / grid.cell_size) as u32).min(columns - 1);
+    grid.locate(column(probe.x, grid.width), column(probe.z, grid.depth))
+}
 
-    fn evaluate(&self, column: &Column, grid: &Grid, material: &Material, dt: f64) -> ProbeView {
-        let pressure = self.mass * GRAVITY / self.area;
-        let load = SurfaceLoad { pressure: pressure as f32, width: self.area.sqrt() as f32 };
-        let rest = column.equilibrium(grid, material, load, dt as f32);
-        let sunk = u64::from(column.height() - rest.height());
-        let surface = column.surface_hardness(grid, material);
-        ProbeView {
-            sink_depth: grid.metres(sunk),
-            surface_hardness: surface.map_or(0.0, f64::from),
-            pressure,
-            carries: surface.is_some_and(|hardness| pressure <= f64::from(hardness)),
-        }
+/// What becomes of a probe on its column.
+fn view(probe: &Probe, column: &Column, grid: &Grid, material: &Material, dt: f64) -> ProbeView {
+    let pressure = probe.mass * GRAVITY / probe.area;
+    let load = SurfaceLoad { pressure: pressure as f32, width: probe.area.sqrt() as f32 };
+    let rest = column.equilibrium(grid, material, load, dt as f32);
+    let sunk = u64::from(column.height() - rest.height());
+    let surface = column.surface_hardness(grid, material);
+    ProbeView {
+        sink_depth: grid.metres(sunk),
+        surface_hardness: surface.map_or(0.0, f64::from),
+        pressure,
+        carries: surface.is_some_and(|hardness| pressure <= f64::from(hardness)),
     }
 }
 
@@ -147,10 +89,10 @@ fn evaluate(
     dt: f64,
 ) -> ProbeReply {
     let column = |probe: &Probe| {
-        let (tile, column) = probe.place(grid);
+        let (tile, column) = place(probe, grid);
         let cells = tiles.binary_search(&tile).ok().and_then(|i| gathered.tiles.get(i));
         Column { cells: cells.map_or_else(Vec::new, |c: &TileCells| c.column(column).collect()) }
     };
-    let view = |probe: &Probe| probe.evaluate(&column(probe), grid, &gathered.material, dt);
+    let view = |probe: &Probe| view(probe, &column(probe), grid, &gathered.material, dt);
     ProbeReply { stamp: gathered.stamp, probes: probes.iter().map(view).collect() }
 }

@@ -2,20 +2,20 @@
 
 use std::sync::{Arc, PoisonError};
 
-use crate::engine::frame::WorkOutcome;
-use crate::engine::published::TileColumns;
-use crate::snow::{CELL, Contact, Grid};
+use firn_engine::frame::WorkOutcome;
+use firn_engine::published::TileColumns;
+use firn_protocol::{
+    AirTemperatureReply, ClearingReply, ColliderReply, ColliderView, Event, SnowfallReply, Stamp,
+};
+use firn_snow::{CELL, Contact, Grid};
 
-use super::event::Event;
+use super::change::Applied;
 use super::gather::{Gathered, Sampled};
 use super::journal::Taken;
 use super::mirror::Mirror;
 use super::once::Done;
 use super::orders::{Orders, Reply, ReplyKind};
 use super::simulation::{Collider, Simulation};
-use super::view::{
-    AirTemperatureReply, Applied, ClearingReply, ColliderReply, ColliderView, SnowfallReply, Stamp,
-};
 
 impl Simulation {
     /// Takes in the outcome of the frame in flight; `tiles` are those of it that changed.
@@ -25,6 +25,9 @@ impl Simulation {
         tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
     ) {
         let Some(outcome) = self.portions.take_in(outcome) else { return };
+        if self.flight.publish {
+            self.portions.awake(outcome.active_tiles);
+        }
         self.enter_ledger(&outcome.edits);
         let was_settled = self.is_settled();
         self.conclude_run(outcome.last_change);
@@ -159,7 +162,7 @@ impl Simulation {
             // A failed send means that nobody waits any more, which is theirs to decide.
             match reply {
                 Reply::Created(answer) | Reply::Done(answer) => {
-                    self.log.acknowledge(Box::new(|durable| drop(answer.send(durable))));
+                    self.log.acknowledge(Box::new(|durable| answer.give(durable)));
                 }
                 Reply::Change { answer: None, .. } | Reply::Snowfall { .. } => {}
                 Reply::Change { kind, once, answer: Some(answer) } => {
@@ -167,25 +170,26 @@ impl Simulation {
                     let applied = self.applied(kind, &outcome.edits, stamp);
                     self.tell_of(&applied, set, stamp);
                     if let Some(once) = once {
-                        self.log.answered(Done::applied(&once, &applied));
+                        let now = self.session.answered.now();
+                        self.log.answered(Done::applied(&once, &applied, now));
                     }
                     self.log.acknowledge(Box::new(|durable| {
-                        drop(answer.send(durable.map(|()| applied)));
+                        answer.give(durable.map(|()| applied));
                     }));
                 }
             }
         }
         for answer in orders.tallies {
             let grid = &self.session.spec.grid;
-            drop(answer.send(Ok(self.ledger.view(stamp, outcome.mass, grid))));
+            answer.give(Ok(self.ledger.view(stamp, outcome.mass, grid)));
         }
         for ((_, answer), cells) in orders.samples.into_iter().zip(outcome.samples) {
-            drop(answer.send(Ok(Sampled { stamp, cells })));
+            answer.give(Ok(Sampled { stamp, cells }));
         }
         let mut gathered = outcome.gathered.into_iter();
         for (wanted, answer) in orders.gathers {
             let tiles = gathered.by_ref().take(wanted.len()).collect();
-            drop(answer.send(Ok(Gathered { stamp, material: self.material, tiles })));
+            answer.give(Ok(Gathered { stamp, material: self.material, tiles }));
         }
         let all = Arc::new(gathered.collect::<Vec<_>>());
         if orders.checkpoint {
@@ -194,7 +198,7 @@ impl Simulation {
             self.log.taken = Some(Box::new(Taken { snapshot, seq: stamp.seq, versions }));
         }
         for answer in orders.snapshots {
-            drop(answer.send(Ok(self.snapshot(stamp, all.clone()))));
+            answer.give(Ok(self.snapshot(stamp, all.clone())));
         }
     }
 
@@ -232,11 +236,10 @@ impl Simulation {
                 let mirror = self.session.mirror();
                 let place = mirror.colliders.binary_search_by(|view| (*view.id).cmp(&id));
                 match place {
-                    Ok(i) => Applied::Collider(ColliderReply {
-                        stamp,
-                        collider: mirror.colliders[i].clone(),
-                        created,
-                    }),
+                    Ok(i) => {
+                        let collider = mirror.colliders[i].clone();
+                        Applied::Collider { reply: ColliderReply { stamp, collider }, created }
+                    }
                     // Removed again before the frame: there is nothing left to describe.
                     Err(_) => Applied::Stamp(stamp),
                 }

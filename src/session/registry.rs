@@ -3,9 +3,11 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use firn_engine::frame::DeviceInfo;
+use firn_engine::made::Maker;
+use firn_protocol::SessionSpec;
+use firn_snow::Grid;
 use tokio::sync::{Semaphore, mpsc};
-
-use crate::engine::frame::DeviceInfo;
 
 use super::error::{Check, SessionError};
 use super::handle::Session;
@@ -14,31 +16,32 @@ use super::message::{self, Message};
 use super::names::{Names, Place};
 use super::once::{Answered, Done, DoneResult, Once};
 use super::requests::blocking;
+use super::simulation::Simulation;
 use super::snapshot::Snapshot;
-use super::spec::{Limits, SessionSpec};
+use super::spec::Limits;
+use super::tenant::Tenants;
 use super::token::Tokens;
 use super::visit::Visit;
 use super::vitals::Vitals;
 use super::world::Fault;
 
-/// Snapshots that are decoded at the same time: each may take as much memory as a whole session.
-const DECODED_AT_ONCE: usize = 2;
+/// Snapshots that are decoded, and large sessions that are made, at the same time: each may take as much
+/// memory as a whole session.
+pub(super) const DECODED_AT_ONCE: usize = 2;
 
-/// Sums over all sessions.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Totals {
-    /// Tiles in which snow moves.
-    pub active_tiles: u64,
-    /// Tiles.
-    pub tiles: u64,
-    /// Device memory that their cells take \[bytes\].
-    pub device_memory: u64,
+/// Columns of which a snowpack is made in no time.
+const FEW_COLUMNS: u64 = 1 << 16;
+
+/// Whether making a snowpack takes so long that it needs a thread of its own.
+fn is_large(grid: &Grid) -> bool {
+    grid.padded_columns() > FEW_COLUMNS
 }
 
 /// Every session of the server. Clones are handles to the same.
 #[derive(Clone, Debug)]
 pub struct Sessions {
-    names: Arc<Names>,
+    pub(super) names: Arc<Names>,
+    tenants: Tenants,
     pub(super) world: mpsc::Sender<Message>,
     vitals: Arc<Vitals>,
     pub(super) frames: Arc<AtomicU64>,
@@ -51,6 +54,8 @@ pub struct Sessions {
     pub(super) decoding: Arc<Semaphore>,
     /// Requests that are not carried out again.
     pub(super) answered: Arc<Answered>,
+    /// Makes snowpacks, which the world takes in.
+    pub(super) maker: Maker,
 }
 
 impl Sessions {
@@ -61,10 +66,24 @@ impl Sessions {
         frames: Arc<AtomicU64>,
         answered: Arc<Answered>,
         limits: Limits,
+        maker: Maker,
     ) -> Sessions {
         let (keys, closed) = (Arc::default(), Arc::default());
         let decoding = Arc::new(Semaphore::new(DECODED_AT_ONCE));
-        Sessions { names, world, vitals, frames, limits, keys, closed, decoding, answered }
+        let tenants = Tenants::default();
+        Sessions {
+            names,
+            tenants,
+            world,
+            vitals,
+            frames,
+            limits,
+            keys,
+            closed,
+            decoding,
+            answered,
+            maker,
+        }
     }
 
     /// Breaks something, for tests of what happens then.
@@ -86,36 +105,41 @@ impl Sessions {
     /// [`SessionError::ServerFull`], [`SessionError::OutOfMemory`], and
     /// [`SessionError::Unavailable`] while the server starts or stops.
     pub async fn create(&self, spec: SessionSpec) -> Result<(Arc<Session>, Tokens), SessionError> {
-        self.create_once(spec, None).await
+        self.create_once(spec, None, None).await
     }
 
-    /// As [`Sessions::create`]; where the request was carried out before, the session that it made.
+    /// As [`Sessions::create`], for a tenant where one is named; where the request was carried out
+    /// before, the session that it made.
     ///
     /// # Errors
-    /// As [`Sessions::create`].
+    /// As [`Sessions::create`], and [`SessionError::QuotaReached`].
     pub async fn create_once(
         &self,
         spec: SessionSpec,
+        tenant: Option<&str>,
         once: Option<Once>,
     ) -> Result<(Arc<Session>, Tokens), SessionError> {
         self.admit()?;
         if let Some(made) = self.made_before(once.as_ref()) {
             return made;
         }
-        spec.check(&self.limits)?;
-        let place = Place::reserve(self.names.clone(), spec.id.clone(), &spec, &self.limits)?;
+        self.limits.check(&spec)?;
+        let tenant = tenant.map(|name| self.tenants.named(name));
+        let (names, id) = (self.names.clone(), spec.id.clone());
+        let place = Place::reserve(names, id, tenant, &spec, &self.limits)?;
         self.make(place, spec, None, once).await
     }
 
-    /// Creates a session from a snapshot, under a name or a new ULID; where the request was
-    /// carried out before, the session that it made.
+    /// Creates a session from a snapshot, under a name or a new ULID, for a tenant where one is named;
+    /// where the request was carried out before, the session that it made.
     ///
     /// # Errors
-    /// As [`Sessions::create`]; a snapshot that is damaged or foreign is invalid.
+    /// As [`Sessions::create_once`]; a snapshot that is damaged or foreign is invalid.
     pub async fn restore(
         &self,
         bytes: Arc<[u8]>,
         id: Option<String>,
+        tenant: Option<&str>,
         once: Option<Once>,
     ) -> Result<(Arc<Session>, Tokens), SessionError> {
         self.admit()?;
@@ -129,10 +153,11 @@ impl Sessions {
         check.finish()?;
         let permit = self.decoding.clone().acquire_owned().await;
         let (copy, limits, names) = (bytes.clone(), self.limits, self.names.clone());
+        let tenant = tenant.map(|name| self.tenants.named(name));
         let (snapshot, place) = blocking(move || {
             let _permit = permit;
             Snapshot::decode_admitted(&copy, &limits, |spec| {
-                Place::reserve(names, id, spec, &limits)
+                Place::reserve(names, id, tenant, spec, &limits)
             })
         })
         .await?;
@@ -166,7 +191,7 @@ impl Sessions {
         if self.closed.load(Ordering::Relaxed) {
             return Err(SessionError::Unavailable("the server is stopping".to_owned()));
         }
-        if self.vitals.is_recovered() { Ok(()) } else { Err(recovering()) }
+        self.recovering().map_or(Ok(()), Err)
     }
 
     async fn make(
@@ -178,14 +203,29 @@ impl Sessions {
     ) -> Result<(Arc<Session>, Tokens), SessionError> {
         let no_random = |e| SessionError::Internal(format!("no random numbers for tokens: {e}"));
         let tokens = Tokens::generate().map_err(no_random)?;
-        let done = once.map(|once| Done::created(&once, &place.id, &tokens));
+        let now = self.answered.now();
+        let done = once.map(|once| Done::created(&once, &place.id, &tokens, now));
         let done = done.transpose().map_err(no_random)?.map(Arc::new);
         let (origin, saved) = saved.unzip();
-        let id = place.id.clone();
-        let session = Arc::new(Session::new(self, id, spec, origin, tokens.hashes()));
-        let made = session.clone();
-        message::ask(&self.world, |reply| Message::Create { session: made, saved, done, reply })
-            .await?;
+        let (sessions, hashes, large) = (self.clone(), tokens.hashes(), is_large(&spec.grid));
+        let (id, tenant) = (place.id.clone(), place.tenant.clone());
+        let make = move || {
+            let session = Session::new(&sessions, id, tenant.as_deref(), spec, origin, hashes)?;
+            let made = sessions.maker.make(Simulation::layout(&session.spec))?;
+            Ok((Arc::new(session), made))
+        };
+        let (session, made) = if large {
+            let permit = self.decoding.clone().acquire_owned().await;
+            blocking(move || {
+                let _permit = permit;
+                make()
+            })
+            .await?
+        } else {
+            make()?
+        };
+        let create = |reply| Message::Create { session: session.clone(), made, saved, done, reply };
+        message::ask(&self.world, None, create).await?;
         place.keep(session.clone());
         Ok((session, tokens))
     }
@@ -195,13 +235,18 @@ impl Sessions {
     /// # Errors
     /// [`SessionError::NotFound`]; [`SessionError::Unavailable`] while sessions are brought back.
     pub fn get(&self, id: &str) -> Result<Visit, SessionError> {
-        let unknown = || SessionError::NotFound { kind: "session", id: id.to_owned() };
-        let session = Visit::begin(self.find(id)?.ok_or_else(unknown)?);
+        let session = self.peek(id).ok_or_else(|| self.absence(id))?;
+        Ok(self.visit(session))
+    }
+
+    /// Begins a use of a session.
+    pub fn visit(&self, session: Arc<Session>) -> Visit {
+        let session = Visit::begin(session);
         if session.hibernating.load(Ordering::SeqCst) {
             // A queue that is full wakes it with what is asked for next.
             let _ = self.world.try_send(Message::Wake { key: session.key });
         }
-        Ok(session)
+        session
     }
 
     /// A session by its name, without being a use of it.
@@ -209,31 +254,40 @@ impl Sessions {
         self.names.get(id)
     }
 
-    /// As [`Sessions::peek`], for who tells others that there is no such session.
-    ///
-    /// # Errors
+    /// What is told of a session that is not there: [`SessionError::NotFound`], or
     /// [`SessionError::Unavailable`] while sessions are brought back and it may be one of them.
-    pub fn find(&self, id: &str) -> Result<Option<Arc<Session>>, SessionError> {
-        match self.peek(id) {
-            None if !self.vitals.is_recovered() => Err(recovering()),
-            found => Ok(found),
-        }
+    pub fn absence(&self, id: &str) -> SessionError {
+        let unknown = || SessionError::NotFound { kind: "session", id: id.to_owned() };
+        self.recovering().unwrap_or_else(unknown)
     }
 
-    /// Up to `limit` sessions in ascending order of their names, those after `after`.
-    pub fn list(&self, after: Option<&str>, limit: usize) -> Vec<Arc<Session>> {
-        self.names.list(after, limit)
+    /// Why nobody can say yet whether there is a session, if that is so: sessions are being brought
+    /// back.
+    pub fn recovering(&self) -> Option<SessionError> {
+        (!self.vitals.is_recovered()).then(|| {
+            let why = "sessions are being brought back; /readyz says when".to_owned();
+            SessionError::Unavailable(why)
+        })
+    }
+
+    /// Up to `limit` sessions in ascending order of their names, those after `after`; one tenant's
+    /// where one is named. No others are looked at.
+    pub fn list(
+        &self,
+        tenant: Option<&str>,
+        after: Option<&str>,
+        limit: usize,
+    ) -> Vec<Arc<Session>> {
+        self.names.list(tenant, after, limit)
     }
 
     /// Deletes a session; its device memory is free when this returns.
     ///
     /// # Errors
     /// [`SessionError::NotFound`].
-    pub async fn delete(&self, id: &str) -> Result<(), SessionError> {
+    pub async fn delete(&self, session: &Session) -> Result<(), SessionError> {
         // It is not woken for that.
-        let unknown = || SessionError::NotFound { kind: "session", id: id.to_owned() };
-        let session = self.find(id)?.ok_or_else(unknown)?;
-        message::ask(&self.world, |reply| Message::Delete { key: session.key, reply }).await
+        message::ask(&self.world, None, |reply| Message::Delete { key: session.key, reply }).await
     }
 
     /// How many sessions there are.
@@ -241,15 +295,9 @@ impl Sessions {
         self.names.count()
     }
 
-    /// Sums over all sessions.
-    pub fn totals(&self) -> Totals {
-        let mut totals = Totals::default();
-        for session in self.names.list(None, usize::MAX) {
-            totals.active_tiles += u64::from(session.mirror().active_tiles);
-            totals.tiles += u64::from(session.spec.grid.tiles());
-            totals.device_memory += session.device_memory();
-        }
-        totals
+    /// Whom sessions belong to.
+    pub fn tenants(&self) -> &Tenants {
+        &self.tenants
     }
 
     /// The server's limits.
@@ -266,8 +314,4 @@ impl Sessions {
     pub fn vitals(&self) -> &Vitals {
         &self.vitals
     }
-}
-
-fn recovering() -> SessionError {
-    SessionError::Unavailable("sessions are being brought back; /readyz says when".to_owned())
 }

@@ -1,11 +1,13 @@
 //! What a session can be asked: each request goes to the world's thread and returns with its answer.
 
+use firn_engine::frame::TileCells;
+use firn_protocol::{ColumnView, MassView, SessionView, StepSpec};
+use firn_snow::ColumnRect;
 use tokio::sync::oneshot;
 
-use crate::engine::frame::TileCells;
-use crate::snow::ColumnRect;
-
-use super::change::{Change, StepSpec};
+use super::answer::Answer;
+use super::change::Applied;
+use super::change::Change;
 use super::error::{Invalid, SessionError};
 use super::gather::{self, Sampled};
 use super::handle::Session;
@@ -14,7 +16,6 @@ use super::once::Once;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 use super::token::Tokens;
-use super::view::{Applied, ColumnView, MassView, SessionView};
 
 impl Session {
     /// Applies a change in the next frame, and returns when it is durable and the next read sees it.
@@ -35,9 +36,14 @@ impl Session {
         change: Change,
         once: Option<Once>,
     ) -> Result<Applied, SessionError> {
+        let bytes = change.bytes();
         match self.answered.answer(once.as_ref()) {
             Some(applied) => Ok(applied),
-            None => self.ask(|reply| Message::Change { key: self.key, change, once, reply }).await,
+            None => {
+                self.check_unlocked()?;
+                let message = |reply| Message::Change { key: self.key, change, once, reply };
+                self.ask_with(bytes, message).await
+            }
         }
     }
 
@@ -45,9 +51,10 @@ impl Session {
     /// the tick it has reached.
     ///
     /// # Errors
-    /// [`SessionError::Conflict`] where the session runs or is being stepped already, and
-    /// [`SessionError::Invalid`].
+    /// [`SessionError::Conflict`] where the session runs or is being stepped already,
+    /// [`SessionError::Locked`], and [`SessionError::Invalid`].
     pub async fn step(&self, step: StepSpec) -> Result<SessionView, SessionError> {
+        self.check_unlocked()?;
         self.ask(|reply| Message::Step { key: self.key, step, reply }).await?;
         Ok(self.view())
     }
@@ -57,6 +64,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Conflict`] while it is being stepped.
     pub async fn reset(&self) -> Result<SessionView, SessionError> {
+        self.check_unlocked()?;
         let saved = match &self.origin {
             None => None,
             Some(bytes) => {
@@ -129,6 +137,7 @@ impl Session {
     /// [`SessionError::StorageFailed`], and [`SessionError::Internal`] where there are no random
     /// numbers; the old ones go on working then.
     pub async fn reissue_tokens(&self) -> Result<Tokens, SessionError> {
+        self.check_unlocked()?;
         let tokens = Tokens::generate()
             .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
         let hashes = tokens.hashes();
@@ -162,14 +171,22 @@ impl Session {
     }
 
     pub(super) async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
-        self.ask(|reply| Message::Gather { key: self.key, tiles, reply }).await
+        let bytes = std::mem::size_of_val(&tiles[..]);
+        self.ask_with(bytes, |reply| Message::Gather { key: self.key, tiles, reply }).await
     }
 
-    async fn ask<T>(
+    async fn ask<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, SessionError> {
+        self.ask_with(0, message).await
+    }
+
+    /// Asks with something that takes so many bytes while it waits.
+    async fn ask_with<T>(
         &self,
-        message: impl FnOnce(oneshot::Sender<Result<T, SessionError>>) -> Message,
+        bytes: usize,
+        message: impl FnOnce(Answer<T>) -> Message,
     ) -> Result<T, SessionError> {
-        message::ask(&self.world, message).await
+        let place = self.waiting.enter(bytes)?;
+        message::ask(&self.world, Some(place), message).await
     }
 }
 

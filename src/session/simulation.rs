@@ -4,9 +4,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::engine::frame::{Deposit, Edit, Layout, Slot};
-use crate::snow::{CELL, ColumnRect, Contact, MASS_QUANTA, Material, Position, Shape};
+use firn_engine::frame::{Deposit, Edit, Layout, Slot};
+use firn_protocol::{SessionSpec, Settings};
+use firn_snow::{CELL, ColumnRect, Contact, MASS_QUANTA, Material, Position, Shape};
 
+use super::answer::Answer;
+use super::charge::Charge;
 use super::clock::Clock;
 use super::error::SessionError;
 use super::falling::{Falling, Snowing};
@@ -15,12 +18,11 @@ use super::handle::Session;
 use super::held::Held;
 use super::journal::{Event, Log, Replay};
 use super::object_rows::ObjectRows;
-use super::orders::{Answer, Flight, Orders, Reply, ReplyKind, refuse};
+use super::orders::{Flight, Orders, Reply, ReplyKind};
 use super::portion::Portions;
+use super::reach::Reach;
 use super::snapshot::Snapshot;
-use super::spec::SessionSpec;
 use super::step::StepJob;
-use super::view::Settings;
 
 /// A session on the world's thread.
 #[derive(Debug)]
@@ -46,6 +48,8 @@ pub struct Simulation {
     pub(super) last_dt: Option<f64>,
     /// Something has happened that the mirror doesn't show.
     pub(super) unpublished: bool,
+    /// A publication was due while it waited for a frame.
+    pub(super) missed: bool,
     /// What the next frame has to do.
     pub(super) next: Orders,
     /// What the run under way does.
@@ -54,13 +58,13 @@ pub struct Simulation {
     pub(super) held: Held,
     /// How runs are parted into frames.
     pub(super) portions: Portions,
+    /// Device time that it has taken.
+    pub(super) charge: Charge,
     pub(super) step: Option<StepJob>,
     /// What is still to be handed to the journal.
     pub(super) log: Log,
     /// What it has to go through again before anything else.
     pub(super) replay: Option<Replay>,
-    /// It has not come to the end of that.
-    pub(super) replays: bool,
     /// The newest frame has put off its ticks, so that whoever waits is answered first.
     pub(super) answered_first: bool,
     /// Time stands still: it is about to hibernate.
@@ -79,8 +83,8 @@ pub(super) struct Collider {
     pub position: Position,
     /// As last published.
     pub contact: Contact,
-    /// What it takes in the device's tables.
-    pub rows: u64,
+    /// How far it reaches.
+    pub reach: Reach,
 }
 
 impl Simulation {
@@ -108,20 +112,26 @@ impl Simulation {
             still: false,
             last_dt: None,
             unpublished: true,
+            missed: false,
             next: Orders::default(),
             flight: Flight::default(),
             held: Held::default(),
             portions: Portions::default(),
+            charge: Charge::default(),
             step: None,
             log,
             replay: None,
-            replays: false,
             answered_first: false,
             frozen: false,
             brought_back: false,
             waiting_reads: Orders::default(),
             session: session.clone(),
         }
+    }
+
+    /// Frames that it has waited for, because others had taken less device time.
+    pub fn waits(&self) -> u64 {
+        self.charge.waits
     }
 
     /// Lays the initial snow, or restores what was saved.
@@ -172,7 +182,7 @@ impl Simulation {
         let refused = u128::from(mass - kept_mass) * u128::from(columns.columns());
         self.ledger.fallen += fallen;
         self.ledger.refused += refused;
-        self.disturb();
+        self.disturb(columns.tiles().columns());
         self.next.edits.push(Edit::Deposit(Deposit {
             columns,
             depth: kept_depth as u32,
@@ -182,19 +192,18 @@ impl Simulation {
         ReplyKind::Snowfall { edit: self.next.edits.len() - 1, fallen, refused }
     }
 
-    /// Notes that something may move again.
-    pub(super) fn disturb(&mut self) {
+    /// Notes that something may move again in so many tiles.
+    pub(super) fn disturb(&mut self, tiles: u64) {
         self.settled = false;
         self.still = false;
-        if !self.replays {
-            self.portions.begin_anew();
-        }
+        self.portions.disturb(tiles);
     }
 
     /// Notes that every tile has to be looked at again.
     pub(super) fn wake(&mut self) {
         self.still = false;
         self.next.wake = true;
+        self.portions.disturb(self.session.spec.grid.tiles().into());
     }
 
     /// Back to the state it was created in. Seqs go on.
@@ -326,7 +335,7 @@ impl Simulation {
         self.flight.orders.refuse(why);
         self.held.refuse(why);
         if let Some(job) = self.step {
-            refuse(job.answer, why);
+            job.answer.refuse(why);
         }
         for ack in self.log.take_acks() {
             ack(Err(why.clone()));

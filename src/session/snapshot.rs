@@ -4,18 +4,20 @@
 mod body;
 mod description;
 
+use std::io::{BufWriter, Write};
 use std::sync::Arc;
 
-use crate::engine::frame::{Contents, Edit, TileCells};
-
-use super::error::{Invalid, SessionError};
-use super::object_rows::words;
-use super::simulation::{Collider, Simulation};
-use super::spec::{Limits, SessionSpec};
-use super::view::Stamp;
+use firn_engine::frame::{Contents, Edit, TileCells};
+use firn_engine::reserve::ask_for;
+use firn_protocol::{SessionSpec, Stamp};
+use firn_snow::Cell;
 
 use self::body::Body;
 use self::description::{Description, SavedCollider};
+use super::error::{Invalid, SessionError};
+use super::reach::Reach;
+use super::simulation::{Collider, Simulation};
+use super::spec::Limits;
 
 /// Media type of a snapshot.
 pub const MEDIA_TYPE: &str = "application/vnd.firn.snapshot";
@@ -26,7 +28,13 @@ const VERSION: u32 = 1;
 const HEAD: usize = 48;
 /// Most bytes of the description, which is JSON.
 const LONGEST_DESCRIPTION: u64 = 256 << 20;
+/// Most numbers in it beside the elevations of the ground: those of objects, layers and settings.
+const MOST_OTHERS: u64 = 1 << 20;
+/// What a number takes while it is read: lists double as they grow.
+const BYTES_PER_NUMBER: u64 = 3 * size_of::<f64>() as u64;
 const COMPRESSION_LEVEL: i32 = 3;
+/// Bytes of the body that are hashed or compressed at a time.
+const WRITTEN_AT_ONCE: usize = 64 * 1024;
 
 /// A snowpack as it was after some tick, with its configuration and its objects.
 #[derive(Clone, Debug)]
@@ -43,7 +51,13 @@ impl Snapshot {
     /// # Errors
     /// [`SessionError::Internal`].
     pub fn digest(&self) -> Result<String, SessionError> {
-        Ok(blake3::hash(&self.body()?).to_hex().to_string())
+        Ok(self.hash()?.to_hex().to_string())
+    }
+
+    fn hash(&self) -> Result<blake3::Hash, SessionError> {
+        let mut hasher = blake3::Hasher::new();
+        self.write_body(BufWriter::with_capacity(WRITTEN_AT_ONCE, &mut hasher))?;
+        Ok(hasher.finalize())
     }
 
     /// Makes sure that its mass is that of its ledger, as whoever reads it will.
@@ -59,37 +73,42 @@ impl Snapshot {
     /// # Errors
     /// [`SessionError::Internal`].
     pub fn encode(&self) -> Result<Vec<u8>, SessionError> {
-        let body = self.body()?;
         let mut bytes = Vec::with_capacity(HEAD);
         bytes.extend(MAGIC);
         bytes.extend(VERSION.to_le_bytes());
         bytes.extend([0; 4]);
-        bytes.extend(blake3::hash(&body).as_bytes());
-        bytes.extend(zstd::encode_all(&body[..], COMPRESSION_LEVEL).map_err(internal)?);
-        Ok(bytes)
+        // The digest stands in front, so the body is gone through twice: that takes no memory.
+        bytes.extend(self.hash()?.as_bytes());
+        let mut encoder = zstd::Encoder::new(bytes, COMPRESSION_LEVEL).map_err(internal)?;
+        self.write_body(BufWriter::with_capacity(WRITTEN_AT_ONCE, &mut encoder))?;
+        encoder.finish().map_err(internal)
     }
 
-    /// Description and cells, not compressed.
-    fn body(&self) -> Result<Vec<u8>, SessionError> {
+    /// Writes description and cells, not compressed.
+    fn write_body(&self, mut body: impl Write) -> Result<(), SessionError> {
         let description = serde_json::to_vec(&self.description).map_err(internal)?;
-        let mut body = Vec::new();
-        body.extend((description.len() as u64).to_le_bytes());
-        body.extend(description);
-        // Plane by plane, column by column: what is alike lies together.
-        let mut planes: [Vec<u8>; 4] = Default::default();
-        for (tile, column) in columns(&self.description.spec) {
-            let mut count = 0u8;
-            for cell in self.tiles[tile].column(column) {
-                count += 1;
-                planes[0].extend(cell.mass.to_le_bytes());
-                planes[1].extend(cell.thickness.to_le_bytes());
-                planes[2].extend(cell.temperature.to_le_bytes());
-                planes[3].extend(cell.stress.to_le_bytes());
-            }
-            body.push(count);
+        body.write_all(&(description.len() as u64).to_le_bytes()).map_err(internal)?;
+        body.write_all(&description).map_err(internal)?;
+        let columns = || {
+            let columns = columns(&self.description.spec);
+            columns.map(|(tile, column)| self.tiles[tile].column(column))
+        };
+        for column in columns() {
+            body.write_all(&[column.count() as u8]).map_err(internal)?;
         }
-        planes.into_iter().for_each(|plane| body.extend(plane));
-        Ok(body)
+        // Plane by plane, column by column: what is alike lies together.
+        let planes: [fn(&Cell) -> [u8; 4]; 4] = [
+            |cell| cell.mass.to_le_bytes(),
+            |cell| cell.thickness.to_le_bytes(),
+            |cell| cell.temperature.to_le_bytes(),
+            |cell| cell.stress.to_le_bytes(),
+        ];
+        for plane in planes {
+            for cell in columns().flatten() {
+                body.write_all(&plane(&cell)).map_err(internal)?;
+            }
+        }
+        body.flush().map_err(internal)
     }
 
     /// Reads a snapshot, and checks every part of it.
@@ -128,6 +147,16 @@ impl Snapshot {
             return Err(refused("its description is too long"));
         }
         let description = reader.bytes(length)?;
+        // Each number of a list has a comma: none of them is made that no limit allows.
+        let numbers = description.iter().filter(|&&byte| byte == b',').count() as u64;
+        if numbers > limits.columns_per_session.saturating_add(MOST_OTHERS) {
+            return Err(refused(
+                "its description has more numbers than a session may have columns",
+            ));
+        }
+        ask_for(numbers * BYTES_PER_NUMBER).map_err(|error| {
+            SessionError::NoMemory(format!("there is no memory for the description: {error}"))
+        })?;
         let description: Description = serde_json::from_slice(&description)
             .map_err(|error| refused(&format!("its description can't be read: {error}")))?;
         description.check(limits)?;
@@ -147,7 +176,8 @@ impl Snapshot {
     /// What its objects take in the device's tables.
     pub(super) fn object_rows(&self) -> u64 {
         let grid = &self.description.spec.grid;
-        self.description.colliders.iter().map(|saved| words(&saved.shape, grid)).sum()
+        let reach = |saved: &SavedCollider| Reach::new(&saved.shape, grid);
+        self.description.colliders.iter().map(|saved| reach(saved).words()).sum()
     }
 
     /// What a backend restores.
@@ -197,14 +227,15 @@ impl Simulation {
         let grid = &saved.spec.grid;
         let collider = |saved: &SavedCollider| {
             let SavedCollider { mass, shape, position, contact, .. } = *saved;
-            let rows = words(&saved.shape, grid);
-            (Arc::from(saved.id.as_str()), Collider { mass, shape, position, contact, rows })
+            let reach = Reach::new(&shape, grid);
+            (Arc::from(saved.id.as_str()), Collider { mass, shape, position, contact, reach })
         };
         self.colliders = saved.colliders.iter().map(collider).collect();
-        self.object_rows.take(self.colliders.values().map(|collider| collider.rows).sum());
+        self.object_rows.take(self.colliders.values().map(|c| c.reach.words()).sum());
         self.next.edits.push(Edit::SetMaterial(saved.material));
         self.next.edits.push(Edit::Restore(Arc::new(snapshot.contents())));
         self.next.changed = true;
+        self.portions.disturb(grid.tiles().into());
     }
 }
 

@@ -1,9 +1,11 @@
 //! Stepping a paused session as fast as the machine can, a slice in each frame.
 
-use super::change::StepSpec;
+use firn_protocol::StepSpec;
+
+use super::answer::Answer;
 use super::clock::Clock;
 use super::error::{Check, SessionError};
-use super::orders::{Answer, Reply, refuse};
+use super::orders::Reply;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 
@@ -106,7 +108,7 @@ impl Simulation {
             Goal::new(step, &self.clock)
         };
         match result {
-            Err(error) => drop(answer.send(Err(error))),
+            Err(error) => answer.give(Err(error)),
             Ok(Goal::Settled(_)) if self.is_settled() => {
                 self.next.replies.push(Reply::Done(answer))
             }
@@ -117,14 +119,14 @@ impl Simulation {
     /// Begins a reset, or refuses it.
     pub(super) fn begin_reset(&mut self, saved: Option<&Snapshot>, answer: Answer<()>) {
         if self.step.is_some() {
-            drop(answer.send(Err(SessionError::Conflict(
+            answer.give(Err(SessionError::Conflict(
                 "the session is being stepped; wait for that".into(),
-            ))));
+            )));
         } else {
             let rows = saved.map_or(0, Snapshot::object_rows);
             match self.object_rows.try_take(rows) {
                 Ok(()) => self.reset(saved, answer),
-                Err(why) => refuse(answer, &why),
+                Err(why) => answer.refuse(&why),
             }
         }
     }

@@ -45,6 +45,16 @@ impl TokenHashes {
     }
 }
 
+/// A secret of 256 random bits, as hexadecimal text.
+///
+/// # Errors
+/// Where the operating system has no random numbers.
+pub fn random_secret() -> Result<String, getrandom::Error> {
+    let mut bytes = [0; 32];
+    getrandom::fill(&mut bytes)?;
+    Ok(blake3::Hash::from_bytes(bytes).to_hex().to_string())
+}
+
 impl fmt::Debug for Tokens {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Tokens(…)")
@@ -57,12 +67,7 @@ impl Tokens {
     /// # Errors
     /// Where the operating system has no random numbers.
     pub fn generate() -> Result<Tokens, getrandom::Error> {
-        let secret = || {
-            let mut bytes = [0; 32];
-            getrandom::fill(&mut bytes)?;
-            Ok(blake3::Hash::from_bytes(bytes).to_hex().to_string())
-        };
-        Ok(Tokens { token: secret()?, viewer_token: secret()? })
+        Ok(Tokens { token: random_secret()?, viewer_token: random_secret()? })
     }
 
     /// Their hashes.

@@ -4,16 +4,19 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use crate::engine::frame::{Run, Work};
+use firn_engine::frame::{Run, Work};
 
 use super::clock::Advance;
 use super::orders::{Flight, Orders, Reply};
-use super::portion::{FRAME_TIME, REPLAY_TIME};
 use super::simulation::Simulation;
 use super::step::Goal;
 
 /// Cycles that are taken at once where they change nothing, and none of them is carried out.
 const CYCLES_AT_REST: u32 = 1 << 24;
+
+/// Cycles that are taken at once where they are due, although they may have to be parted: between two ticks
+/// a session is published.
+const CYCLES_THAT_ARE_DUE: u32 = 8;
 
 /// A frame, as it is offered to every session.
 #[derive(Clone, Copy, Debug)]
@@ -50,8 +53,9 @@ impl Simulation {
     pub(super) fn plan(&mut self, turn: Turn) -> Option<Work> {
         if self.portions.are_under_way() {
             debug_assert!(self.next.edits.is_empty(), "changes wait for the end of the run");
-            self.slip(turn);
-            self.flight.publish |= turn.publish && self.replay.is_none();
+            self.slip(turn.frame, turn.slipped_us);
+            let publish = turn.publish || std::mem::take(&mut self.missed);
+            self.flight.publish |= publish && self.replay.is_none();
             return self.portions.go_on(self.flight.publish, turn.samples);
         }
         let clock_before = self.clock;
@@ -74,8 +78,9 @@ impl Simulation {
         }
         let publish = match &self.replay {
             Some(replay) => replay.publishes(),
-            None => orders.want_answers() || (turn.publish && self.unpublished),
+            None => orders.want_answers() || (self.is_to_publish(turn) && self.unpublished),
         };
+        self.missed &= !publish;
         if !publish && run.cycles == 0 && orders.edits.is_empty() {
             self.next.wake |= orders.wake;
             self.next.changed |= orders.changed;
@@ -92,19 +97,47 @@ impl Simulation {
             tally: !orders.tallies.is_empty(),
             samples: orders.samples.iter().map(|(wanted, _)| *wanted).collect(),
             gather: self.gather(&orders),
+            ..Work::default()
         };
         self.flight = Flight { orders, advance, clock_before: Some(clock_before), publish };
-        Some(self.portions.begin(work))
+        Some(self.portions.begin(work, self.units_of_cycle(), &self.session.spec.grid))
     }
 
-    /// Lets the ticks slip that fall while those before them are under way: they don't pile up.
-    fn slip(&mut self, turn: Turn) {
-        if self.step.is_none() && self.replay.is_none() && !self.settings.paused && !self.frozen {
-            let ticks = self.clock.ticks_between(self.frame, turn.frame);
-            let lag_us = ticks as f64 * 1e6 / self.clock.tick_rate();
-            turn.slipped_us.fetch_add(lag_us as u64, Ordering::Relaxed);
+    /// Whether it has something to do in a frame.
+    pub(super) fn claims(&self, turn: Turn) -> bool {
+        let stands_still = self.settings.paused || self.frozen || (turn.sleep && self.is_still());
+        let ticks = !stands_still && self.clock.ticks_between(self.frame, turn.frame) > 0;
+        ticks || self.has_orders() || (self.unpublished && self.is_to_publish(turn))
+    }
+
+    /// Waits for another frame than this. Ticks of no more than the beat before don't pile up meanwhile.
+    pub(super) fn wait(&mut self, turn: Turn) {
+        self.charge.waits += 1;
+        self.missed |= turn.publish;
+        if self.frame + 1 < turn.frame {
+            self.slip(turn.frame - 1, turn.slipped_us);
         }
-        self.frame = turn.frame;
+    }
+
+    /// Whether publications are due that nobody asked for, since one has been missed too.
+    fn is_to_publish(&self, turn: Turn) -> bool {
+        turn.publish || self.missed
+    }
+
+    /// Units that one of its cycles costs.
+    fn units_of_cycle(&self) -> u64 {
+        let objects = self.colliders.values().map(|collider| &collider.reach);
+        self.portions.cycle(&self.session.spec.grid, objects)
+    }
+
+    /// Lets the ticks up to a frame slip while those before them are under way: they don't pile up.
+    fn slip(&mut self, frame: u64, slipped_us: &AtomicU64) {
+        if self.step.is_none() && self.replay.is_none() && !self.settings.paused && !self.frozen {
+            let ticks = self.clock.ticks_between(self.frame, frame);
+            let lag_us = ticks as f64 * 1e6 / self.clock.tick_rate();
+            slipped_us.fetch_add(lag_us as u64, Ordering::Relaxed);
+        }
+        self.frame = frame;
     }
 
     /// Tiles that are wanted: those of each request, and all of them for snapshots.
@@ -125,7 +158,7 @@ impl Simulation {
         } else if self.settings.paused || self.frozen {
             0
         } else if self.owed > 0 {
-            self.slip(turn);
+            self.slip(turn.frame, turn.slipped_us);
             self.owed
         } else {
             self.clock.ticks_between(self.frame, turn.frame)
@@ -134,15 +167,18 @@ impl Simulation {
         let snow = self.falling.ticks_until_due(self.clock.tick(), self.snowing());
         let taken = if self.next.checkpoint { 0 } else { due.min(snow.unwrap_or(u64::MAX)) };
         let passes = turn.sleep && self.is_still();
+        let units = self.units_of_cycle();
+        let fitting = self.portions.cycles(units);
         let cycles = match counts {
             _ if passes => CYCLES_AT_REST,
-            true => self.portions.least(),
-            false => self.portions.size(),
+            true => fitting.max(CYCLES_THAT_ARE_DUE),
+            false => fitting,
         };
         let before = self.clock;
         let mut advance = self.clock.advance(taken, cycles);
         // Whatever falls at a tick is in its snapshot: that is not made in the frame of the tick.
-        let parted = !passes && advance.run.cycles > self.portions.least();
+        let units = units.saturating_mul(advance.run.cycles.into());
+        let parted = !passes && self.portions.part(units);
         let apart = parted || (advance.ticks > 0 && !self.next.snapshots.is_empty());
         self.answered_first = apart && !self.answered_first && self.answers_without_ticks();
         if self.answered_first {
@@ -152,10 +188,11 @@ impl Simulation {
         advance
     }
 
-    /// Fits what the next frame takes on to the time that the newest one took.
-    pub(super) fn fit_portions(&mut self, took: Duration) {
-        let wanted = if self.replay.is_some() { REPLAY_TIME } else { FRAME_TIME };
-        self.portions.fit(took, wanted);
+    /// Takes in that it took some time of a frame, and fits to that what the next one takes on.
+    pub(super) fn charge(&mut self, units: u64, took: Duration) {
+        self.portions.fit(units, took);
+        self.charge.add(took, self.frame);
+        self.session.charge(took);
     }
 
     /// Whether there is somebody to be answered in a frame without ticks.

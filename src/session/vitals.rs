@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use crate::engine::frame::DeviceInfo;
+use firn_engine::frame::DeviceInfo;
+use tokio::sync::watch;
 
 use super::journal::StoreVitals;
 
@@ -65,10 +66,15 @@ pub struct Vitals {
     pub device: DeviceInfo,
     pub(super) healthy: AtomicBool,
     pub(super) recovered: AtomicBool,
+    pub(super) rebuilds: AtomicU64,
+    /// The engine has failed for good.
+    given_up: watch::Sender<bool>,
     pub(super) memory: AtomicU64,
     pub(super) frames: AtomicU64,
     pub(super) frame_time_us: AtomicU64,
     pub(super) slipped_us: AtomicU64,
+    pub(super) waits: AtomicU64,
+    device_ns: AtomicU64,
     pub(super) frame_times: Mutex<VecDeque<FrameTime>>,
     stage_times: Mutex<StageTimes>,
     pub(super) overloaded: AtomicBool,
@@ -87,6 +93,28 @@ impl Vitals {
     /// Whether frames are being carried out.
     pub fn is_healthy(&self) -> bool {
         self.healthy.load(Ordering::Relaxed)
+    }
+
+    /// How often the engine had failed and was started anew.
+    pub fn rebuilds(&self) -> u64 {
+        self.rebuilds.load(Ordering::Relaxed)
+    }
+
+    /// Whether the engine has failed for good: only a new process helps.
+    pub fn gave_up(&self) -> bool {
+        *self.given_up.borrow()
+    }
+
+    /// Waits until it has; for ever where it never does.
+    pub async fn until_it_gives_up(&self) {
+        let mut given_up = self.given_up.subscribe();
+        if given_up.wait_for(|given_up| *given_up).await.is_err() {
+            std::future::pending().await
+        }
+    }
+
+    pub(super) fn give_up(&self) {
+        self.given_up.send_replace(true);
     }
 
     /// Whether all sessions that outlived the last stop are back.
@@ -155,6 +183,22 @@ impl Vitals {
     /// Whether ticks keep slipping, so that no more sessions should be placed here.
     pub fn is_overloaded(&self) -> bool {
         self.overloaded.load(Ordering::Relaxed)
+    }
+
+    /// Frames that sessions have waited for, because others had taken less device time: each frame counts once
+    /// for each of them.
+    pub fn waits(&self) -> u64 {
+        self.waits.load(Ordering::Relaxed)
+    }
+
+    /// Notes what the sessions of a frame are charged with.
+    pub(super) fn charge(&self, took: Duration) {
+        self.device_ns.fetch_add(took.as_nanos() as u64, Ordering::Relaxed);
+    }
+
+    /// Device time that all sessions have been charged with.
+    pub fn device_time(&self) -> Duration {
+        Duration::from_nanos(self.device_ns.load(Ordering::Relaxed))
     }
 
     /// Time by which ticks have slipped behind the wall clock because frames were too slow.

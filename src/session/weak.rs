@@ -1,6 +1,6 @@
 //! Weak layers: snow less dense than what lies above and below it (thesis 3.2.3).
 
-use super::view::{LayerView, WeakLayerView};
+use firn_protocol::{LayerView, WeakLayerView};
 
 /// Largest density of a cell of a weak layer, relative to the cells around.
 const WEAK_RATIO: f64 = 0.8;

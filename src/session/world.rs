@@ -5,6 +5,7 @@
 //! do, waits for its outcome, publishes and answers. Ticks fall on a beat of 60 frames a second;
 //! frames between beats carry out requests at once.
 
+mod backoff;
 mod deadlines;
 mod durability;
 mod engine;
@@ -16,7 +17,9 @@ mod revive;
 mod simulations;
 mod slots;
 mod supervise;
+mod unlock;
 mod upkeep;
+mod wake;
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -24,10 +27,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use firn_engine::frame::{Backend, EngineError};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
 
-use crate::engine::frame::{Backend, EngineError};
+use crate::store::{Damage, Loaded};
 
 use super::handle::Session;
 use super::journal::{self, Assembled, Journal, SEQ_RESERVE, Stored};
@@ -35,7 +39,7 @@ use super::message::Message;
 use super::names::Names;
 use super::once::Answered;
 use super::pace::Pace;
-use super::registry::Sessions;
+use super::registry::{DECODED_AT_ONCE, Sessions};
 use super::spec::Limits;
 use super::vitals::Vitals;
 use deadlines::Deadlines;
@@ -44,10 +48,15 @@ use revive::Revival;
 use simulations::Simulations;
 use slots::Slots;
 
+pub(super) use revive::Decoded;
+
 pub use durability::{Durability, Fault, OpenBackend, StartError};
 
-/// Requests that may wait for the next frame before senders have to.
-const INBOX: usize = 4096;
+/// Requests that may wait for the next frame before senders have to: no session has so many.
+const INBOX: usize = 1 << 16;
+
+/// Requests that are taken in before a frame, so that beats are not missed.
+const TAKEN_AT_ONCE: usize = 4096;
 
 /// How the world works.
 #[derive(Clone, Copy, Debug)]
@@ -100,22 +109,20 @@ impl World {
         mut durability: Durability,
     ) -> Result<(Sessions, World), StartError> {
         let backend = open()?;
-        let loaded = durability.store.load()?;
-        if let Some(damage) = &loaded.damage {
-            warn!("the store was damaged: {damage}; its newest changes may be missing");
-        }
-        let Assembled { sessions: stored, broken, frame, next_key } =
-            journal::assemble(loaded.rows);
-        for what in &broken {
-            warn!("can't be brought back: {what}");
-        }
+        let Loaded { rows, next_key, clock: store_clock, damage } = durability.store.load()?;
+        let Assembled { sessions: stored, broken, frame } = journal::assemble(rows);
+        let lost = tell_of_damage(damage.as_ref(), &broken, &stored, durability.accept_loss)?;
+        durability.store.take_over()?;
         let (send, inbox) = mpsc::channel(INBOX);
         let names = Arc::new(Names::default());
         let frames = Arc::new(AtomicU64::new(frame));
         let vitals = Arc::new(Vitals::new(backend.device().clone(), backend.memory()));
         vitals.recovered.store(stored.is_empty(), Ordering::Relaxed);
-        vitals.store.lost(broken.len());
-        let answered = Arc::<Answered>::default();
+        vitals.store.lost(lost);
+        if damage.is_some() {
+            vitals.store.damaged();
+        }
+        let answered = Arc::new(Answered::by(store_clock));
         let sessions = Sessions::new(
             names.clone(),
             send.clone(),
@@ -123,12 +130,17 @@ impl World {
             frames.clone(),
             answered.clone(),
             config.limits,
+            backend.maker(),
         );
         sessions.keys.store(next_key, Ordering::Relaxed);
         let jump = u64::from(getrandom::u32().map_err(std::io::Error::other)?) % SEQ_RESERVE;
         let (image, comebacks) = come_back(&sessions, stored, frame, jump);
-        // The runtime only waits: for a request or for the next beat, whatever comes first.
-        let clock = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
+        // The runtime waits for a request or for the next beat, whatever comes first, and decodes what is
+        // stored of sessions that are woken.
+        let clock = tokio::runtime::Builder::new_current_thread()
+            .enable_time()
+            .max_blocking_threads(DECODED_AT_ONCE)
+            .build()?;
         let journal = Journal::start(
             durability.store,
             image,
@@ -147,7 +159,6 @@ impl World {
             vitals,
             frames,
             frame,
-            full: false,
             looked_after: frame,
             next_beat: Instant::now(),
             pace: Pace::default(),
@@ -156,6 +167,7 @@ impl World {
             ends: Deadlines::default(),
             saves: Deadlines::default(),
             hibernating: HashMap::new(),
+            waking: HashMap::new(),
             leaving: HashMap::new(),
             slots: Slots::default(),
             object_rows: Arc::default(),
@@ -186,6 +198,30 @@ impl World {
     }
 }
 
+/// Tells of what is lost. Returns how many sessions are.
+///
+/// # Errors
+/// [`StartError::Lost`] where that is everything, and is not accepted.
+fn tell_of_damage(
+    damage: Option<&Damage>,
+    broken: &[String],
+    stored: &BTreeMap<u64, Stored>,
+    accepted: bool,
+) -> Result<usize, StartError> {
+    for what in broken {
+        warn!("can't be brought back: {what}");
+    }
+    let Some(Damage { what, missing }) = damage else { return Ok(broken.len()) };
+    for key in missing {
+        warn!("can't be brought back: a session of which nothing was found (key {key})");
+    }
+    if stored.is_empty() && !accepted {
+        return Err(StartError::Lost(what.clone()));
+    }
+    warn!("the store: {what}; its newest changes may be missing");
+    Ok(broken.len() + missing.len())
+}
+
 /// Sessions that outlived the last stop, as they were in the last `frame`, with mirrors that go on
 /// where they were, but for their seqs: `jump` keeps those apart from the seqs of another server
 /// that began with the same file.
@@ -208,11 +244,33 @@ fn come_back(
         stored.mark.seq = seq;
         stored.mark.stop_at(frame);
         let identity = (*stored.identity).clone();
-        let session = Session::identified(sessions, key, identity, stored.origin.clone());
+        let origin = stored.origin.clone();
+        let session = match Session::identified(sessions, key, identity, origin) {
+            Ok(session) => session,
+            Err(why) => {
+                warn!(
+                    "session '{}' stays stored and is not brought back: {why}",
+                    stored.identity.id
+                );
+                sessions.vitals().store.lost(1);
+                continue;
+            }
+        };
+        let first = stored.pause();
+        if stored.lock.is_some() {
+            session.set_locked(true);
+            warn!(
+                "session '{}' may have been deleted, as the store was damaged or a deletion was cut off: \
+                 it is paused and locked until an administrator unlocks or deletes it",
+                session.id
+            );
+            sessions.vitals().store.note_revived();
+        }
         session.go_on_from(seq, checkpoint.as_ref().map(|saved| &saved.versions[..]));
         session.set_lost_seqs(&stored.mark.lost);
+        stored.weigh();
         image.insert(key, stored.clone());
-        comebacks.insert(key, Revival::at_start(Arc::new(session), stored));
+        comebacks.insert(key, Revival::at_start(Arc::new(session), stored, first));
     }
     (image, comebacks)
 }

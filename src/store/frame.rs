@@ -18,7 +18,9 @@ pub const MAGIC: &[u8; 8] = b"FIRNROW1";
 pub const NAME: usize = 17;
 
 const CHECKED: usize = 8 + NAME + 8 + 4;
-const HEAD: usize = CHECKED + 16;
+
+/// Bytes of a frame before its content.
+pub const HEAD: usize = CHECKED + 16;
 
 impl Row {
     /// Its name: rows are ordered as their names are.
@@ -42,6 +44,11 @@ impl Row {
             Kind::Mark,
             Kind::Answer,
             Kind::Heartbeat,
+            Kind::Tombstone,
+            Kind::Roster,
+            Kind::Lock,
+            Kind::Clock,
+            Kind::Secret,
         ];
         Some(Row {
             session: u64::from_be_bytes(*session),
@@ -127,9 +134,10 @@ mod tests {
             row(2, Kind::Mark, 0),
             row(256, Kind::Identity, 0),
             row(u64::MAX, Kind::Heartbeat, 0),
+            row(u64::MAX, Kind::Clock, 0),
         ];
         assert!(rows.windows(2).all(|pair| pair[0] < pair[1] && pair[0].name() < pair[1].name()));
         assert!(rows.iter().all(|row| Row::named(&row.name()) == Some(*row)));
-        assert_eq!(Row::named(&[9; NAME]), None);
+        assert_eq!(Row::named(&[0xff; NAME]), None);
     }
 }

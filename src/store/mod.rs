@@ -1,13 +1,19 @@
 //! Rows that outlive the process: a small key-value store whose batches are written whole or not
 //! at all. What rows mean is the business of `session::journal`.
 
+mod clock;
+mod directory;
 mod frame;
+mod open;
 mod redb;
+mod roster;
 mod salvage;
+mod secret;
 
 use std::collections::BTreeMap;
 use std::fmt;
 
+pub use self::clock::StoreClock;
 pub use self::redb::{Open, RedbStore};
 
 /// What a row holds. The numbers stand on disk: none is ever used for anything else.
@@ -28,6 +34,17 @@ pub enum Kind {
     Answer = 6,
     /// How far everything has come, of no session.
     Heartbeat = 7,
+    /// That a session was deleted. The store keeps it for itself.
+    Tombstone = 8,
+    /// Which sessions live. The store keeps it for itself.
+    Roster = 9,
+    /// That a session came back from a damaged file and takes no changes.
+    Lock = 10,
+    /// How far the store's clock has come. The store keeps it for itself.
+    Clock = 11,
+    /// What tells the store's own tombstones from bytes that a client sent. The store keeps it for
+    /// itself.
+    Secret = 12,
 }
 
 /// Name of a row. Rows of a session lie together.
@@ -55,7 +72,8 @@ pub enum Write {
         /// First number that stays.
         before: u64,
     },
-    /// Removes all rows of a session.
+    /// Removes all rows of a session. Where no identity follows in the same batch the session is dead:
+    /// nothing brings it back from a damaged file.
     RemoveSession(u64),
 }
 
@@ -73,14 +91,33 @@ pub struct Content {
 pub struct Loaded {
     /// Every sound row.
     pub rows: BTreeMap<Row, Content>,
-    /// What was found to be damaged, if anything was: where it has been kept and what is missing.
-    pub damage: Option<String>,
+    /// The lowest key that no session has had.
+    pub next_key: u64,
+    /// The store's own clock, which goes on.
+    pub clock: StoreClock,
+    /// What was found to be damaged, if anything was.
+    pub damage: Option<Damage>,
+}
+
+/// What is wrong with what a store holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Damage {
+    /// What was found, and where.
+    pub what: String,
+    /// Keys of sessions that should be there, and of which nothing was found.
+    pub missing: Vec<u64>,
 }
 
 /// Why a store could not do something.
 #[derive(Clone, Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct StoreError(pub String);
+pub enum StoreError {
+    /// It can't be read or written.
+    #[error("{0}")]
+    Failed(String),
+    /// What it has written is not where it was any more.
+    #[error("{0}")]
+    Gone(String),
+}
 
 /// Keeps rows. One thread uses it.
 pub trait Store: Send + fmt::Debug {
@@ -89,6 +126,23 @@ pub trait Store: Send + fmt::Debug {
     /// # Errors
     /// Where it can't be read. Damage is no error: what is sound is returned.
     fn load(&mut self) -> Result<Loaded, StoreError>;
+
+    /// Puts what was found in a damaged file in its place, and keeps the file beside it. Until then
+    /// nothing is changed.
+    ///
+    /// # Errors
+    /// Where that can't be done; the damaged file is where it was then, or beside it.
+    fn take_over(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
+    /// Whether what it has written can still be found by the next start.
+    ///
+    /// # Errors
+    /// [`StoreError::Gone`] where it can't.
+    fn check(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
 
     /// Carries out a batch in its order, whole or not at all. It is durable when this returns.
     ///

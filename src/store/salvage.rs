@@ -1,24 +1,109 @@
 //! What can be had of a damaged file: every row that is sound, found by its frame.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
 
-use super::frame::{self, MAGIC};
-use super::{Content, Row};
+use tracing::warn;
+
+use super::frame::{self, HEAD, MAGIC};
+use super::secret::{LENGTH, Secret};
+use super::{Content, Kind, Row, roster, secret};
+
+/// What a damaged file holds of sessions that live, and the keys of those of which it holds nothing.
+///
+/// Each session has a lock: whether it really lives nobody knows, as its tombstone may be what was
+/// damaged.
+pub fn salvage(bytes: &[u8]) -> (BTreeMap<Row, Content>, Vec<u64>) {
+    let mut rows = scan(bytes);
+    let missing = roster::bury(&mut rows);
+    let identities = rows.iter().filter(|(row, _)| row.kind == Kind::Identity);
+    let locks: Vec<_> = identities.map(|(row, found)| lock(row.session, found.batch)).collect();
+    rows.extend(locks);
+    (rows, missing)
+}
+
+/// Locks the sessions of a sound file of which nobody can say whether they were deleted last.
+pub fn lock_doubtful(rows: &mut BTreeMap<Row, Content>, file: &Path) {
+    // An earlier version has written no tombstones.
+    let Some(secret) = secret::of(rows) else { return };
+    match File::open(file).and_then(|file| tombstones(file, &secret)) {
+        Ok(graves) => {
+            let doubtful = doubtful(rows, &graves);
+            rows.extend(doubtful.into_iter().map(|session| lock(session, 0)));
+        }
+        Err(error) => warn!("{} can't be looked through: {error}", file.display()),
+    }
+}
+
+/// Sessions in a sound store that were deleted by a newer batch than those that their rows are of: either
+/// it was never made, or a damaged head leads to what was there before it.
+fn doubtful(rows: &BTreeMap<Row, Content>, graves: &BTreeMap<u64, u64>) -> Vec<u64> {
+    let is_newer = |(session, grave): (&u64, &u64)| {
+        let row = |kind, number| Row { session: *session, kind, number };
+        let rows = rows.range(row(Kind::Identity, 0)..=row(Kind::Clock, u64::MAX));
+        let newest = rows.map(|(_, content)| content.batch).max()?;
+        (newest < *grave).then_some(*session)
+    };
+    graves.iter().filter_map(is_newer).collect()
+}
+
+/// The row that locks a session.
+fn lock(session: u64, batch: u64) -> (Row, Content) {
+    (Row { session, kind: Kind::Lock, number: 0 }, Content { batch, bytes: Vec::new() })
+}
+
+/// Bytes that are read of a file at a time.
+const PART: u64 = 1 << 20;
+
+/// Every tombstone with the store's secret in a file, whether the file's index leads to it or not: the newest batch that holds
+/// one of each session.
+///
+/// # Errors
+/// Those of reading.
+fn tombstones(mut file: impl Read, secret: &Secret) -> io::Result<BTreeMap<u64, u64>> {
+    let mut graves = BTreeMap::new();
+    let mut bytes = Vec::new();
+    loop {
+        // One may lie across the edge.
+        bytes.drain(..bytes.len().saturating_sub(HEAD + LENGTH - 1));
+        if file.by_ref().take(PART).read_to_end(&mut bytes)? == 0 {
+            return Ok(graves);
+        }
+        let mut at = 0;
+        while let Some(next) = find(&bytes[at..]) {
+            at += next;
+            let kind = bytes.get(at + MAGIC.len() + 8);
+            if kind == Some(&(Kind::Tombstone as u8))
+                && let Some((row, content)) = frame::open(&bytes[at..])
+                && content.bytes == secret
+            {
+                let batch = graves.entry(row.session).or_default();
+                *batch = content.batch.max(*batch);
+            }
+            at += 1;
+        }
+    }
+}
 
 /// All sound rows in some bytes, of each the one that was written last.
 ///
 /// Rows that were removed may be among them: their bytes lie about until they are written over.
-pub fn scan(bytes: &[u8]) -> BTreeMap<Row, Content> {
+fn scan(bytes: &[u8]) -> BTreeMap<Row, Content> {
     let mut rows: BTreeMap<Row, Content> = BTreeMap::new();
     let mut at = 0;
     while let Some(next) = find(&bytes[at..]) {
         at += next;
-        if let Some((row, content)) = frame::open(&bytes[at..])
-            && rows.get(&row).is_none_or(|known| known.batch < content.batch)
-        {
+        let Some((row, content)) = frame::open(&bytes[at..]) else {
+            at += 1;
+            continue;
+        };
+        // What is inside a sound row may have come from a client, and look like other rows.
+        at += HEAD + content.bytes.len();
+        if rows.get(&row).is_none_or(|known| known.batch < content.batch) {
             rows.insert(row, content);
         }
-        at += 1;
     }
     rows
 }
@@ -37,8 +122,29 @@ fn find(bytes: &[u8]) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Kind;
     use super::*;
+
+    #[test]
+    fn tombstones_are_found_wherever_they_lie() {
+        let secret = [7; LENGTH];
+        let sealed = |session, batch, secret: &[u8]| {
+            frame::seal(&Row { session, kind: Kind::Tombstone, number: 0 }, batch, secret)
+        };
+        let grave = |session, batch| sealed(session, batch, &secret);
+        let mut bytes = vec![b'F'; 3 * PART as usize];
+        for (session, place) in
+            [0, 7, PART as usize - 20, 2 * PART as usize - 60].into_iter().enumerate()
+        {
+            let place = place + session * (HEAD + LENGTH);
+            bytes[place..place + HEAD + LENGTH].copy_from_slice(&grave(session as u64, 9));
+        }
+        bytes.extend(grave(1, 12));
+        // Clients may send such, and don't know the secret.
+        bytes.extend(sealed(2, 13, b""));
+        bytes.extend(sealed(3, 13, &[8; LENGTH]));
+        let found = tombstones(&bytes[..], &secret).unwrap();
+        assert_eq!(found, BTreeMap::from([(0, 9), (1, 12), (2, 9), (3, 9)]));
+    }
 
     #[test]
     fn sound_rows_are_found_among_rubbish_and_the_newest_wins() {
@@ -54,5 +160,16 @@ mod tests {
         let found: Vec<(u64, Vec<u8>)> =
             scan(&bytes).into_iter().map(|(row, content)| (row.number, content.bytes)).collect();
         assert_eq!(found, [(1, b"new".to_vec()), (3, b"whole".to_vec())]);
+    }
+
+    #[test]
+    fn a_row_inside_a_sound_row_is_not_found() {
+        let row = |session, kind| Row { session, kind, number: 0 };
+        let planted = frame::seal(&row(1, Kind::Tombstone), u64::MAX, b"");
+        let sent = [b"a snapshot with ", &planted[..], b" in it"].concat();
+        let mut bytes = frame::seal(&row(2, Kind::Origin), 5, &sent);
+        bytes.extend(frame::seal(&row(1, Kind::Identity), 5, b"the next one"));
+        let found: Vec<Row> = scan(&bytes).into_keys().collect();
+        assert_eq!(found, [row(1, Kind::Identity), row(2, Kind::Origin)]);
     }
 }

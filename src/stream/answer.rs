@@ -1,12 +1,11 @@
 //! What the server sends beside heights. No I/O.
 
+use firn_protocol::{ColliderReply, ColliderView, Event, Settings, Stamp};
+use firn_snow::{Grid, TILE_SIDE};
 use serde::Serialize;
 
 use crate::problem::Problem;
-use crate::session::{
-    Applied, ColliderReply, ColliderView, Event, Session, SessionError, Settings, Stamp,
-};
-use crate::snow::{Grid, TILE_SIDE};
+use crate::session::{Applied, Session, SessionError};
 
 /// What the server sends beside heights.
 #[derive(Debug, Serialize)]
@@ -91,7 +90,7 @@ pub fn welcome(session: &Session) -> String {
 /// The message that answers a change whose body stands at a JSON pointer of the client's message.
 pub fn outcome(id: i64, at: &str, result: Result<Applied, SessionError>) -> String {
     match result {
-        Ok(Applied::Collider(ColliderReply { stamp, collider, .. })) => {
+        Ok(Applied::Collider { reply: ColliderReply { stamp, collider }, .. }) => {
             Answer::PutCollider { id, stamp, collider: &collider }.encode()
         }
         Ok(applied) => Answer::Ack { id, applied: &applied }.encode(),
@@ -115,8 +114,9 @@ mod tests {
     use serde_json::{Value, json};
 
     use super::*;
-    use crate::session::{Invalid, SnowfallReply};
-    use crate::snow::{Position, Shape};
+    use crate::session::Invalid;
+    use firn_protocol::SnowfallReply;
+    use firn_snow::{Position, Shape};
 
     fn value(text: &str) -> Value {
         serde_json::from_str(text).expect("answers are JSON")
@@ -150,8 +150,8 @@ mod tests {
             pressure: 9.0,
             resting: false,
         };
-        let reply = ColliderReply { stamp: Stamp { tick: 7, seq: 9 }, collider, created: true };
-        let ack = outcome(3, "", Ok(Applied::Collider(reply)));
+        let reply = ColliderReply { stamp: Stamp { tick: 7, seq: 9 }, collider };
+        let ack = outcome(3, "", Ok(Applied::Collider { reply, created: true }));
         assert_eq!(ack.matches(r#""id""#).count(), 2);
         let ack = value(&ack);
         assert_eq!((&ack["op"], &ack["id"], &ack["seq"]), (&json!("ack"), &json!(3), &json!(9)));

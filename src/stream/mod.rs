@@ -4,8 +4,7 @@
 mod answer;
 mod cache;
 mod cause;
-pub mod codec;
-mod metrics;
+mod memory;
 mod quantum;
 mod receive;
 mod region;
@@ -15,24 +14,29 @@ mod socket;
 mod subscription;
 mod tiles;
 
+use std::sync::Arc;
+
+use axum::Extension;
 use axum::extract::State;
-use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
+use axum::extract::ws::{WebSocket, WebSocketUpgrade};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::Response;
+use firn_protocol::stream::{Cause, SubProtocol};
 use utoipa::IntoParams;
 
-use crate::http::{App, Caller, FromQuery, Params, Query, Segments, bearer};
+use crate::config::Scope;
+use crate::http::{
+    Admitted, App, Caller, FromQuery, Params, Peer, Query, Segments, Unfinished, Visitor, admit,
+    bearer,
+};
 use crate::problem::Problem;
 use crate::session::Visit;
 
 use tiles::LARGEST_PART;
 
 pub use cache::EncodedTiles;
-pub use cause::Cause;
-pub use metrics::StreamMetrics;
-pub use request::{ColumnRegion, Control, Refusal, Request, Resume, Subscribe, Update};
-pub use tiles::Protocol;
+pub use request::{Control, Refusal, Request};
 
 /// Largest message of a client \[bytes\].
 const LARGEST_MESSAGE: usize = 1 << 20;
@@ -58,7 +62,7 @@ const LARGEST_BACKLOG: usize = LARGEST_PART + LARGEST_PART / 16;
 #[derive(Debug, IntoParams)]
 #[into_params(parameter_in = Query)]
 pub struct StreamQuery {
-    /// The API key or one of the session's tokens, where there is no `Authorization` header.
+    /// An API key or one of the session's tokens, where there is no `Authorization` header.
     token: Option<String>,
 }
 
@@ -93,14 +97,18 @@ pub async fn stream(
     State(app): State<App>,
     Segments(id): Segments<String>,
     Query(query): Query<StreamQuery>,
+    Peer(address): Peer,
     headers: HeaderMap,
+    unfinished: Option<Extension<Arc<Unfinished>>>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
-    let admitted = admit(&app, &id, bearer(&headers).or(query.token.as_deref()));
+    let unfinished = unfinished.map(|Extension(unfinished)| unfinished);
+    let token = bearer(&headers).or(query.token.as_deref());
+    let visitor = Visitor { address, token, session: Some(&id), scope: Scope::Read };
     let is_browser = headers.contains_key(header::ORIGIN);
-    match (admitted, upgrade) {
-        (Ok((session, caller)), Ok(upgrade)) => begin(app, upgrade, session, caller),
-        (Err(problem), Ok(upgrade)) if is_browser => refuse(app, upgrade, problem),
+    match (admit(&app, &visitor), upgrade) {
+        (Ok(admitted), Ok(upgrade)) => begin(app, upgrade, admitted, unfinished),
+        (Err(problem), Ok(upgrade)) if is_browser => refuse(app, upgrade, problem, unfinished),
         (Err(problem), _) => Err(problem),
         (Ok(_), Err(rejection)) => Err(Problem::malformed(format!(
             "a stream begins with a WebSocket upgrade: {rejection}"
@@ -108,68 +116,85 @@ pub async fn stream(
     }
 }
 
-/// Who wants to stream, and what.
-fn admit(app: &App, id: &str, token: Option<&str>) -> Result<(Visit, Caller), Problem> {
-    let caller = app.gate.access.admit(token, app.sessions.find(id)?.as_deref())?;
-    Ok((app.sessions.get(id)?, caller))
+/// Who streams.
+struct Client {
+    /// What.
+    session: Visit,
+    caller: Caller,
+    /// Counts what is read of a message that has not ended, where it came over a connection.
+    unfinished: Option<Arc<Unfinished>>,
 }
 
 /// Begins a stream.
 fn begin(
     app: App,
     upgrade: WebSocketUpgrade,
-    session: Visit,
-    caller: Caller,
+    admitted: Admitted,
+    unfinished: Option<Arc<Unfinished>>,
 ) -> Result<Response, Problem> {
-    let (upgrade, protocol) = negotiate(upgrade)?;
+    let Admitted { caller, session } = admitted;
+    let session = session.ok_or_else(|| Problem::internal("the session was not looked up"))?;
     if app.draining.is_cancelled() {
         return Err(Problem::unavailable("the server is stopping"));
     }
+    let client = Client { session: app.sessions.visit(session), caller, unfinished };
+    accept(app, upgrade, move |app, socket, protocol| async move {
+        socket::serve(socket, client, protocol, &app).await;
+    })
+}
+
+/// Lets a client change to a WebSocket. What it may send and leave unread has bounds, whether there is a
+/// stream for it or only a farewell.
+fn accept<F: Future<Output = ()> + Send + 'static>(
+    app: App,
+    upgrade: WebSocketUpgrade,
+    serve: impl FnOnce(App, WebSocket, SubProtocol) -> F + Send + 'static,
+) -> Result<Response, Problem> {
+    let (upgrade, protocol) = negotiate(upgrade)?;
     let tracked = app.streams.token();
-    let response = upgrade
+    let upgrade = upgrade
         .max_message_size(LARGEST_MESSAGE)
         .max_frame_size(LARGEST_FRAME)
         .read_buffer_size(READ_BUFFER)
         .write_buffer_size(WRITE_BUFFER)
-        .max_write_buffer_size(LARGEST_BACKLOG)
-        .on_upgrade(async move |socket| {
-            socket::serve(socket, session, caller, protocol, &app).await;
-            drop(tracked);
-        });
-    Ok(response)
+        .max_write_buffer_size(LARGEST_BACKLOG);
+    Ok(upgrade.on_upgrade(async move |socket| {
+        serve(app, socket, protocol).await;
+        drop(tracked);
+    }))
 }
 
 /// Begins a stream only to tell a browser why there is none.
-fn refuse(app: App, upgrade: WebSocketUpgrade, problem: Problem) -> Result<Response, Problem> {
+fn refuse(
+    app: App,
+    upgrade: WebSocketUpgrade,
+    problem: Problem,
+    unfinished: Option<Arc<Unfinished>>,
+) -> Result<Response, Problem> {
     let cause = match StatusCode::from_u16(problem.status) {
         Ok(StatusCode::UNAUTHORIZED) => Cause::BadToken,
         Ok(StatusCode::NOT_FOUND) => Cause::UnknownSession,
         _ => return Err(problem),
     };
-    let (upgrade, _) = negotiate(upgrade)?;
-    let tracked = app.streams.token();
-    let response = upgrade
-        .max_message_size(LARGEST_MESSAGE)
-        .read_buffer_size(READ_BUFFER)
-        .on_upgrade(async move |socket| {
-            socket::end(socket, cause, &app).await;
-            drop(tracked);
-        });
-    Ok(response)
+    accept(app, upgrade, move |app, socket, _| async move {
+        // What it sends before it has heard the farewell is counted as that of any other.
+        unfinished.iter().for_each(|unfinished| unfinished.end());
+        socket::end(socket, cause, unfinished.as_deref(), &app).await;
+    })
 }
 
 /// Chooses the sub-protocol: the default one where the client offers none.
-fn negotiate(upgrade: WebSocketUpgrade) -> Result<(WebSocketUpgrade, Protocol), Problem> {
+fn negotiate(upgrade: WebSocketUpgrade) -> Result<(WebSocketUpgrade, SubProtocol), Problem> {
     let offers_any = upgrade.requested_protocols().next().is_some();
-    let names = Protocol::ALL.map(Protocol::name);
+    let names = SubProtocol::ALL.map(SubProtocol::name);
     let upgrade = upgrade.protocols(names);
     let chosen = upgrade.selected_protocol().and_then(|chosen| chosen.to_str().ok());
-    let chosen = Protocol::ALL.into_iter().find(|protocol| chosen == Some(protocol.name()));
+    let chosen = SubProtocol::ALL.into_iter().find(|protocol| chosen == Some(protocol.name()));
     if offers_any && chosen.is_none() {
         let known = names.join(", ");
         return Err(Problem::malformed(format!(
             "none of the sub-protocols offered is known; known are: {known}"
         )));
     }
-    Ok((upgrade, chosen.unwrap_or(Protocol::Json)))
+    Ok((upgrade, chosen.unwrap_or(SubProtocol::Json)))
 }

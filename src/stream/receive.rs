@@ -9,17 +9,19 @@ use std::task::Poll;
 use std::time::Duration;
 
 use axum::extract::ws::Message;
+use firn_protocol::stream::Cause;
 use futures_util::stream::{FuturesOrdered, Stream, StreamExt};
 use governor::DefaultDirectRateLimiter;
 use tokio::sync::mpsc;
 use tokio::task::unconstrained;
 use tokio::time::{Instant, sleep_until};
 
+use crate::http::Unfinished;
 use crate::problem::Problem;
 use crate::session::{Applied, Change, SessionError};
 
 use super::answer;
-use super::cause::Cause;
+use super::cause::cause_of;
 use super::request::{Control, Request};
 
 /// Requests of one client that may be under way. Beyond them nothing more is read from it.
@@ -44,9 +46,29 @@ pub struct Bounds<'a> {
     pub rate: DefaultDirectRateLimiter,
     /// Whether a message to it is being written.
     pub writing: &'a AtomicBool,
+    /// What is read of a message that has not ended.
+    pub unfinished: Option<&'a Unfinished>,
 }
 
-type Pending<'a> = Pin<Box<dyn Future<Output = Next> + Send + 'a>>;
+/// Answers that wait to be sent, beyond which nothing more is read from a client \[bytes\].
+const WAITING: usize = 64 * 1024;
+
+impl Next {
+    /// Memory that it takes while it waits.
+    fn bytes(&self) -> usize {
+        match self {
+            Next::Text(text) => text.len(),
+            Next::Control(_) => size_of::<Next>(),
+        }
+    }
+}
+
+/// An answer that may still be made.
+enum Pending<'a> {
+    /// It is there, and its memory is counted.
+    Made(Next),
+    Later(Pin<Box<dyn Future<Output = Next> + Send + 'a>>),
+}
 
 /// Reads a client's messages until the stream ends.
 ///
@@ -62,11 +84,15 @@ where
     A: Fn(Change) -> F,
     F: Future<Output = Result<Applied, SessionError>> + Send,
 {
-    let mut pending: FuturesOrdered<Pending> = FuturesOrdered::new();
-    let mut ready = VecDeque::new();
+    let mut pending = FuturesOrdered::new();
+    let mut ready: VecDeque<Next> = VecDeque::new();
+    // Memory of the answers in both that are made.
+    let mut waiting = 0;
     let mut heard = Instant::now();
+    let end_message = || bounds.unfinished.into_iter().for_each(Unfinished::end);
+    end_message();
     loop {
-        let reading = pending.len() + ready.len() < PIPELINE;
+        let reading = pending.len() + ready.len() < PIPELINE && waiting < WAITING;
         if !reading {
             // Whoever is not listened to can't be called silent.
             heard = Instant::now();
@@ -74,6 +100,7 @@ where
         tokio::select! {
             message = messages.next(), if reading => {
                 heard = Instant::now();
+                end_message();
                 if let Some(Ok(Message::Text(_) | Message::Binary(_) | Message::Ping(_))) = message
                     && bounds.rate.check().is_err()
                 {
@@ -81,18 +108,26 @@ where
                 }
                 let begun = match message {
                     None => return Cause::Broken,
-                    Some(Err(error)) => return error.into(),
+                    Some(Err(error)) => return cause_of(error),
                     Some(Ok(Message::Close(_))) => return Cause::Done,
                     Some(Ok(Message::Ping(_) | Message::Pong(_))) => continue,
                     Some(Ok(Message::Text(text))) => begin(Request::parse(&text), &apply).await,
                     Some(Ok(Message::Binary(_))) => refuse_binary(),
                 };
-                pending.push_back(begun);
+                if let Pending::Made(next) = &begun {
+                    waiting += next.bytes();
+                }
+                pending.push_back(finish(begun));
             }
-            Some(next) = pending.next() => ready.push_back(next),
+            Some((next, late)) = pending.next() => {
+                waiting += if late { next.bytes() } else { 0 };
+                ready.push_back(next);
+            }
             permit = answers.reserve(), if !ready.is_empty() => {
                 let Ok(permit) = permit else { return Cause::Broken };
-                permit.send(ready.pop_front().expect("checked before waiting"));
+                let next = ready.pop_front().expect("checked before waiting");
+                waiting -= next.bytes();
+                permit.send(next);
             }
             () = sleep_until(heard + SILENCE), if reading => {
                 // Who can't take a message in can't answer pings: the writing half decides.
@@ -102,6 +137,14 @@ where
                 heard = Instant::now();
             }
         }
+    }
+}
+
+/// The answer, and whether it is made only then.
+async fn finish(pending: Pending<'_>) -> (Next, bool) {
+    match pending {
+        Pending::Made(next) => (next, false),
+        Pending::Later(next) => (next.await, true),
     }
 }
 
@@ -115,30 +158,26 @@ where
     F: Future<Output = Result<Applied, SessionError>> + Send + 'a,
 {
     match request {
-        Ok(Request::Control(control)) => at_once(Next::Control(control)),
+        Ok(Request::Control(control)) => Pending::Made(Next::Control(control)),
         Ok(Request::Change { id, change, at }) => {
             let applied = apply(change);
             // Polled once here, it is in the session's queue before the next message is read. The
             // runtime's budget must not put that off.
-            let mut pending: Pending = Box::pin(unconstrained(async move {
+            let mut next = Box::pin(unconstrained(async move {
                 Next::Text(answer::outcome(id, at, applied.await))
             }));
-            match poll_fn(|context| Poll::Ready(pending.as_mut().poll(context))).await {
-                Poll::Ready(next) => at_once(next),
-                Poll::Pending => pending,
+            match poll_fn(|context| Poll::Ready(next.as_mut().poll(context))).await {
+                Poll::Ready(next) => Pending::Made(next),
+                Poll::Pending => Pending::Later(next),
             }
         }
-        Err(refusal) => at_once(Next::Text(answer::refusal(refusal.id, *refusal.problem))),
+        Err(refusal) => Pending::Made(Next::Text(answer::refusal(refusal.id, *refusal.problem))),
     }
 }
 
 fn refuse_binary<'a>() -> Pending<'a> {
     let problem = Problem::malformed("requests are JSON text, not binary messages");
-    at_once(Next::Text(answer::refusal(None, problem)))
-}
-
-fn at_once<'a>(next: Next) -> Pending<'a> {
-    Box::pin(std::future::ready(next))
+    Pending::Made(Next::Text(answer::refusal(None, problem)))
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Regions of columns, widened to whole tiles.
 
-use crate::session::Invalid;
-use crate::snow::{ColumnRect, Grid, TILE_SIDE};
+use firn_protocol::ColumnRegion;
+use firn_snow::{ColumnRect, Grid, TILE_SIDE};
 
-use super::request::ColumnRegion;
+use crate::session::Invalid;
 
 /// The tiles that a region of columns meets; all of the grid's where there is none.
 ///

@@ -8,24 +8,30 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use axum::extract::ws::Message;
+use firn_protocol::stream::{Cause, SubProtocol};
+use firn_protocol::{Event, Stamp, Subscribe, Update};
 use futures_util::sink::{Sink, SinkExt};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{broadcast, mpsc};
 use tokio::time::{Instant, MissedTickBehavior, interval_at, sleep_until, timeout};
 
-use crate::session::{Applied, Event, Invalid, Session, SessionError, Stamp};
+use crate::budget::Budget;
+use crate::metrics::Carried;
+use crate::session::{Applied, Invalid, Session, SessionError};
 
 use super::answer::{self, Answer};
 use super::cache::EncodedTiles;
-use super::cause::Cause;
-use super::metrics::Carried;
+use super::cause::cause_of;
+use super::memory::OpenStream;
 use super::receive::Next;
-use super::request::{Control, Subscribe, Update};
-use super::subscription::{Source, Subscription};
-use super::tiles::Protocol;
+use super::request::Control;
+use super::subscription::{Cost, Source, Subscription};
 
 /// Time between pings.
 const PING_EVERY: Duration = Duration::from_secs(15);
+
+/// Time until heights are tried again that found no memory.
+const NO_ROOM: Duration = Duration::from_millis(100);
 
 /// Subscriptions of one client.
 const MOST_SUBSCRIPTIONS: usize = 64;
@@ -34,13 +40,15 @@ const MOST_SUBSCRIPTIONS: usize = 64;
 #[derive(Debug)]
 pub struct Manner<'a> {
     /// The sub-protocol.
-    pub protocol: Protocol,
+    pub protocol: SubProtocol,
     /// Longest time that one message may take to be written.
     pub patience: Duration,
     /// Set while a message is being written.
     pub writing: &'a AtomicBool,
     /// Counts what heights it is sent.
     pub carried: Carried,
+    /// Memory of what clients have not taken yet.
+    pub unsent: &'a Budget,
 }
 
 /// Speaks to a client until the stream ends.
@@ -57,11 +65,13 @@ where
     let mut publications = session.publications();
     let mut pings = interval_at(Instant::now() + PING_EVERY, PING_EVERY);
     pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let encoded: Arc<EncodedTiles> = session.companion();
     let mut speaker = Speaker {
         sink,
         session,
         manner,
-        encoded: session.companion(),
+        memory: encoded.open(),
+        encoded,
         subscriptions: Vec::new(),
         marked: publications.borrow_and_update().seq,
     };
@@ -97,6 +107,7 @@ struct Speaker<'a, W> {
     session: &'a Session,
     manner: Manner<'a>,
     encoded: Arc<EncodedTiles>,
+    memory: OpenStream,
     subscriptions: Vec<Subscription>,
     /// Seq of the newest publication that was noted.
     marked: u64,
@@ -104,11 +115,13 @@ struct Speaker<'a, W> {
 
 impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
     async fn write(&mut self, message: Message) -> Result<(), Cause> {
+        self.memory.writes(payload(&message));
         self.manner.writing.store(true, Ordering::Relaxed);
         let written = timeout(self.manner.patience, self.sink.send(message)).await;
         self.manner.writing.store(false, Ordering::Relaxed);
+        self.memory.writes(0);
         match written {
-            Ok(written) => written.map_err(Cause::from),
+            Ok(written) => written.map_err(cause_of),
             Err(_) => Err(Cause::TooSlow),
         }
     }
@@ -209,9 +222,14 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
                 continue;
             }
             let frame = self.session.frame();
-            let copied = subscription.copy(&self.session.mirror(), frame);
+            let unsent = self.manner.unsent;
+            let Some(copied) = subscription.copy(&self.session.mirror(), frame, unsent) else {
+                subscription.put_off(now + NO_ROOM);
+                continue;
+            };
             let Some(parts) = subscription.message(copied, now) else { continue };
-            self.manner.carried.tiles(subscription.cost());
+            let Cost { tiles, encoded } = subscription.cost();
+            self.manner.carried.tiles(tiles, encoded);
             for part in parts {
                 let bytes = payload(&part);
                 self.write(part).await?;

@@ -5,16 +5,21 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::body::Bytes;
+use firn_protocol::stream::SubProtocol;
+use firn_protocol::{ColliderView, ColumnRegion, Resume, Stamp, Subscribe};
+use firn_snow::{ColumnRect, Grid};
 use tokio::time::Instant;
 
-use crate::session::{ColliderView, Invalid, Mirror, SessionError, Stamp, TileColumns};
-use crate::snow::{ColumnRect, Grid};
+use crate::budget::{Budget, Reservation};
+use crate::session::{Invalid, Mirror, SessionError, TileColumns};
 
 use super::cache::{EncodedTiles, Layer};
 use super::quantum::Quantum;
 use super::region::{columns_of, overlap, tiles_of};
-use super::request::{ColumnRegion, Resume, Subscribe};
-use super::tiles::{Head, Parts, Protocol, Sampling, meets};
+use super::tiles::{Head, Parts, Sampling, meets, most_bytes};
+
+/// Longest message of heights whose memory is not counted \[bytes\].
+const SMALL: u64 = 64 * 1024;
 
 /// A client's view of a session.
 #[derive(Debug)]
@@ -88,7 +93,7 @@ pub struct Source<'a> {
     /// Seqs, first and last, whose states were lost.
     pub lost: &'a [(u64, u64)],
     /// How the client wants heights to be written.
-    pub protocol: Protocol,
+    pub protocol: SubProtocol,
     /// The session's encoded tiles.
     pub encoded: &'a EncodedTiles,
 }
@@ -110,6 +115,8 @@ pub struct Copied {
     /// Version and heights of the others, in the same order.
     fresh: Vec<(u64, TileColumns)>,
     colliders: Option<Arc<[ColliderView]>>,
+    /// Counted where the message is a large one.
+    memory: Option<Reservation>,
 }
 
 impl Subscription {
@@ -212,11 +219,23 @@ impl Subscription {
             .collect()
     }
 
-    /// Copies what the client has not seen; the client counts as having seen it from here on.
-    pub fn copy(&mut self, mirror: &Mirror, frame: u64) -> Copied {
+    /// Puts the next message off, because there is no memory for it now.
+    pub fn put_off(&mut self, until: Instant) {
+        self.turn = self.turn.max(until);
+    }
+
+    /// Copies what the client has not seen; the client counts as having seen it from here on. Nothing
+    /// where `unsent` has no room for it.
+    pub fn copy(&mut self, mirror: &Mirror, frame: u64, unsent: &Budget) -> Option<Copied> {
         let tiles = self.missing(|tile| mirror.tile(tile).1);
         let changed = self.told.is_none() || mirror.colliders_version > self.seen;
         let colliders = (self.wants_colliders && changed).then(|| mirror.colliders.clone());
+        let objects = colliders.as_ref().map_or(0, |colliders| colliders.len());
+        let bytes = most_bytes(self.sampling.protocol, tiles.len(), objects);
+        let memory = match bytes {
+            0..=SMALL => None,
+            bytes => Some(unsent.try_reserve(bytes)?),
+        };
         let stamp = mirror.stamp_at(frame);
         self.seen = mirror.seq;
         self.told_tick = stamp.tick;
@@ -232,7 +251,7 @@ impl Subscription {
             (tile, bytes)
         };
         let tiles = tiles.into_iter().map(encoded).collect();
-        Copied { stamp, tiles, fresh, colliders }
+        Some(Copied { stamp, tiles, fresh, colliders, memory })
     }
 
     /// The message about what was copied, if anything in the view has changed.
@@ -254,7 +273,7 @@ impl Subscription {
             },
         };
         let tiles = self.encode(copied.tiles, copied.fresh);
-        Some(Parts::new(head, self.sampling, tiles, colliders))
+        Some(Parts::new(head, self.sampling, tiles, colliders).holding(copied.memory))
     }
 
     /// What the newest message took.

@@ -4,11 +4,13 @@ use std::io::Write;
 
 use axum::body::Bytes;
 use axum::extract::ws::Message;
+use firn_protocol::stream::SubProtocol;
+use firn_protocol::{ColliderView, Stamp, heights};
+use firn_snow::{ColumnRect, Grid, TILE_COLUMNS};
 
-use crate::session::{ColliderView, Stamp, TileColumns};
-use crate::snow::{ColumnRect, Grid, TILE_COLUMNS};
+use crate::budget::Reservation;
+use crate::session::TileColumns;
 
-use super::codec;
 use super::quantum::Quantum;
 
 /// Largest message to a client \[bytes\]; what is longer is sent in parts.
@@ -21,26 +23,15 @@ const TAIL: usize = 64;
 const BINARY_HEAD: usize = 64;
 const BINARY_RUN: usize = 16;
 
-/// A sub-protocol: how heights are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Protocol {
-    /// `firn.v1.json`.
-    Json,
-    /// `firn.v1.bin`.
-    Binary,
-}
-
-impl Protocol {
-    /// Every sub-protocol, the most compact first: who understands several is given that.
-    pub const ALL: [Protocol; 2] = [Protocol::Binary, Protocol::Json];
-
-    /// The name that is offered and chosen at the upgrade.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Protocol::Json => "firn.v1.json",
-            Protocol::Binary => "firn.v1.bin",
-        }
-    }
+/// Memory that a message of so many tiles and objects takes at the most until it is written: their bytes,
+/// and those of the part under way.
+pub fn most_bytes(protocol: SubProtocol, tiles: usize, objects: usize) -> u64 {
+    let tile = match protocol {
+        SubProtocol::Json => 704,
+        SubProtocol::Binary => 320,
+    };
+    let bytes = tiles * tile + objects * 512;
+    (bytes + bytes.min(LARGEST_PART)) as u64
 }
 
 /// How a subscription wants its tiles.
@@ -53,19 +44,19 @@ pub struct Sampling {
     /// Step that heights are rounded to.
     pub quantum: Quantum,
     /// How they are written.
-    pub protocol: Protocol,
+    pub protocol: SubProtocol,
 }
 
 impl Sampling {
     /// A tile's bytes in the sub-protocol: the samples of its columns inside the grid.
     pub fn encode_tile(&self, tile: u32, heights: &TileColumns) -> Vec<u8> {
         match self.protocol {
-            Protocol::Json => {
+            SubProtocol::Json => {
                 let mut out = Vec::new();
                 self.write_tile(tile, heights, &mut out);
                 out
             }
-            Protocol::Binary => self.pack_tile(tile, heights),
+            SubProtocol::Binary => self.pack_tile(tile, heights),
         }
     }
 
@@ -83,7 +74,7 @@ impl Sampling {
         }
         let [width, depth] =
             [rect.x1 - rect.x0, rect.z1 - rect.z0].map(|columns| columns.div_ceil(self.stride));
-        codec::encode_tile(width, depth, self.stride, &samples[..count])
+        heights::encode_tile(width, depth, self.stride, &samples[..count])
     }
 
     /// Writes a tile as a JSON object.
@@ -148,6 +139,8 @@ pub struct Parts {
     largest: usize,
     first: bool,
     done: bool,
+    /// What is counted of its memory.
+    _memory: Option<Reservation>,
 }
 
 impl Parts {
@@ -162,7 +155,21 @@ impl Parts {
         if let Some(colliders) = &mut colliders {
             colliders.reverse();
         }
-        Parts { head, sampling, tiles, colliders, largest: LARGEST_PART, first: true, done: false }
+        Parts {
+            head,
+            sampling,
+            tiles,
+            colliders,
+            largest: LARGEST_PART,
+            first: true,
+            done: false,
+            _memory: None,
+        }
+    }
+
+    /// With memory that is given back when it has been written.
+    pub fn holding(self, memory: Option<Reservation>) -> Parts {
+        Parts { _memory: memory, ..self }
     }
 
     fn write_head(&mut self, out: &mut Vec<u8>) {
@@ -196,8 +203,8 @@ impl Parts {
     fn write_colliders(&mut self, out: &mut Vec<u8>, empty: bool) -> bool {
         let Some(colliders) = &mut self.colliders else { return true };
         let key = match self.sampling.protocol {
-            Protocol::Json => &br#","colliders":["#[..],
-            Protocol::Binary => &b"["[..],
+            SubProtocol::Json => &br#","colliders":["#[..],
+            SubProtocol::Binary => &b"["[..],
         };
         let (largest, before) = (self.largest, key.len() + TAIL);
         let fits = |out: &Vec<u8>, next: &[u8]| out.len() + before + next.len() <= largest;
@@ -251,7 +258,7 @@ impl Parts {
         // Nothing was written where there was no room for the first.
         let colliders = (told && colliders.len() > size).then(|| &colliders[size..]);
         let Head { snapshot, id, stamp, recovered } = self.head;
-        let head = codec::Head {
+        let head = heights::Head {
             snapshot,
             id,
             seq: stamp.seq,
@@ -261,7 +268,7 @@ impl Parts {
             stride: self.sampling.stride,
             tiles_x: self.sampling.grid.tiles_x(),
         };
-        codec::encode(&head, &tiles, colliders)
+        heights::encode(&head, &tiles, colliders)
     }
 }
 
@@ -273,11 +280,11 @@ impl Iterator for Parts {
             return None;
         }
         Some(match self.sampling.protocol {
-            Protocol::Json => {
+            SubProtocol::Json => {
                 let text = String::from_utf8(self.next_text()).expect("only text was written");
                 Message::Text(text.into())
             }
-            Protocol::Binary => Message::Binary(self.next_binary().into()),
+            SubProtocol::Binary => Message::Binary(self.next_binary().into()),
         })
     }
 }

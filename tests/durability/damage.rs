@@ -20,7 +20,8 @@ const FILE: &str = "firn.redb";
 
 async fn start(data: &Path) -> Server {
     let store = Box::new(RedbStore::in_directory(data).expect("the server starts all the same"));
-    let durability = Durability { store, checkpoint_interval: Duration::from_secs(3600) };
+    let durability =
+        Durability { store, checkpoint_interval: Duration::from_secs(3600), accept_loss: true };
     Server::start_stored(BackendChoice::Cpu, Options::default(), durability).await
 }
 

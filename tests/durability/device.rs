@@ -1,7 +1,7 @@
 //! The device is lost, or the engine's thread panics, under load.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use firn::config::BackendChoice;
@@ -13,6 +13,7 @@ use crate::client::Client;
 use crate::disk::Disk;
 use crate::on_each_backend;
 use crate::process::send;
+use crate::support::wait::until;
 use crate::support::{Options, Server, small};
 
 on_each_backend!(sessions_survive_their_device, sessions_survive_a_panic);
@@ -50,16 +51,24 @@ async fn survive(server: Server, fault: Fault) {
     stream.send(json!({"op": "subscribe", "id": 1})).await;
     let first = stream.heights_of(1).await;
 
-    let over = Arc::new(AtomicBool::new(false));
+    let (over, falls) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicUsize::new(0)));
+    let more_falls = async || {
+        let before = falls.load(Ordering::Relaxed);
+        until("snow falls", async || falls.load(Ordering::Relaxed) >= before + 40).await;
+    };
     let mut writers = Vec::new();
     for path in &paths {
-        let (base, at, over) = (server.url.clone(), format!("{path}/snowfalls"), over.clone());
+        let (base, at) = (server.url.clone(), format!("{path}/snowfalls"));
+        let (over, falls) = (over.clone(), falls.clone());
         writers.push(tokio::spawn(async move {
             let (http, fall, mut fallen) = (Http::new(), json!({"depth": 0.01}), 0.0);
             while !over.load(Ordering::Relaxed) {
                 let answer = send(&http, &base, Method::POST, &at, Some(&fall)).await;
                 match answer.expect("it answers") {
-                    (200, answer) => fallen += answer["fallen_mass"].as_f64().unwrap(),
+                    (200, answer) => {
+                        fallen += answer["fallen_mass"].as_f64().unwrap();
+                        falls.fetch_add(1, Ordering::Relaxed);
+                    }
                     // Refused: it did not fall.
                     (status, answer) => assert_eq!(status, 503, "{answer}"),
                 }
@@ -68,7 +77,7 @@ async fn survive(server: Server, fault: Fault) {
         }));
     }
     for _ in 0..2 {
-        tokio::time::sleep(Duration::from_millis(400)).await;
+        more_falls().await;
         server.sessions.sabotage(fault).await;
         let began = Instant::now();
         // Who asks while it is lost is told to ask again.
@@ -83,7 +92,7 @@ async fn survive(server: Server, fault: Fault) {
         assert_eq!(again["digest"], before["digest"]);
         assert!(began.elapsed() < PATIENCE, "back after {:?}", began.elapsed());
     }
-    tokio::time::sleep(Duration::from_millis(200)).await;
+    more_falls().await;
     over.store(true, Ordering::Relaxed);
     for (path, writer) in paths.iter().zip(writers) {
         let fallen = writer.await.unwrap();

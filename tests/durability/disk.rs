@@ -76,7 +76,7 @@ impl Disk {
             builder.set_check_integrity_on_open(check).create_with_backend(disk.clone())
         };
         let store = RedbStore::with(Box::new(open)).expect("the disk holds a database");
-        Durability { store: Box::new(store), checkpoint_interval }
+        Durability { store: Box::new(store), checkpoint_interval, accept_loss: false }
     }
 
     /// Makes it fail from now on, or no longer.

@@ -7,6 +7,7 @@ use serde_json::json;
 use crate::client::Client;
 use crate::process::Process;
 use crate::script::session;
+use crate::support::wait::until;
 use crate::support::{Server, slow, small};
 
 #[tokio::test(flavor = "multi_thread")]
@@ -62,9 +63,7 @@ async fn a_step_under_way_keeps_nobody_from_being_saved() {
     let step = tokio::spawn(step.json(&json!({"ticks": 1_000_000})).send());
     let tick =
         async |server: &Process| server.get("/v1/sessions/busy").await["tick"].as_u64().unwrap();
-    while tick(&server).await < 3 {
-        tokio::time::sleep(Duration::from_millis(5)).await;
-    }
+    until("it is under way", async || tick(&server).await >= 3).await;
     let before = tick(&server).await;
     server.terminate();
     let (success, log) = server.ended().await;

@@ -15,6 +15,7 @@ use crate::disk::{Disk, Failing};
 use crate::on_each_backend;
 use crate::process::{Process, send};
 use crate::script::{history, session};
+use crate::support::wait::until;
 use crate::support::{Options, Server, small};
 
 on_each_backend!(a_disk_that_fails_refuses_changes_and_nothing_else);
@@ -66,6 +67,7 @@ async fn a_power_cut_loses_nothing_acknowledged() {
                 }
             }));
         }
+        // The cut comes at another moment each time.
         tokio::time::sleep(Duration::from_millis(40 + 37 * round)).await;
         // What is acknowledged before the cut must be there, what is asked after it can't be.
         let done: Vec<u64> = counts.iter().map(|(_, done)| done.load(Ordering::SeqCst)).collect();
@@ -133,9 +135,10 @@ async fn a_disk_that_fails_refuses_changes_and_nothing_else(backend: BackendChoi
         // Time goes on, and streams tell it.
         let tick = server.get(&live).await.expect(200)["tick"].as_u64().unwrap();
         while stream.heights_of(1).await < 20 {}
-        while server.get(&live).await.expect(200)["tick"].as_u64().unwrap() < tick + 30 {
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
+        until("its time goes on", async || {
+            server.get(&live).await.expect(200)["tick"].as_u64().unwrap() >= tick + 30
+        })
+        .await;
 
         disk.fail(None);
         let began = Instant::now();

@@ -200,6 +200,11 @@ async fn check(server: &Process, knowledge: &mut Knowledge) {
             continue;
         }
         assert_eq!(status, 200, "{id}: {session}");
+        if session["locked"] == true {
+            assert_eq!(method, Method::DELETE, "{id} is locked, and nobody wanted it deleted");
+            server.post(&format!("{at}/unlock"), Value::Null).await;
+            server.send(Method::PATCH, &at, Some(&json!({"paused": false}))).await;
+        }
         assert!(session["tick"].as_u64().unwrap() >= known.tick, "{id}: {session}");
         assert!(session["seq"].as_u64().unwrap() >= known.seq, "{id}: {session}");
         let mass = server.get(&format!("{at}/mass")).await;

@@ -25,10 +25,19 @@ pub struct Process {
 impl Process {
     /// Starts the program on a data directory; it need not be ready yet when this returns.
     pub async fn start(data: &Path, options: &[&str]) -> Process {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_firn"))
-            .args(["serve", "--listen", "127.0.0.1:0", "--data-dir"])
-            .arg(data)
-            .args(options)
+        Process::spawn(Process::command(data, options)).await
+    }
+
+    /// What starts the program.
+    pub fn command(data: &Path, options: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_firn"));
+        command.args(["serve", "--listen", "127.0.0.1:0", "--data-dir"]).arg(data).args(options);
+        command
+    }
+
+    /// Starts a server by a command; it need not be ready yet when this returns.
+    pub async fn spawn(mut command: Command) -> Process {
+        let mut child = command
             .env_remove("FIRN_LOG")
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -48,16 +57,31 @@ impl Process {
     /// Starts the program and waits until it is ready.
     pub async fn ready(data: &Path, options: &[&str]) -> Process {
         let process = Process::start(data, options).await;
+        process.recover().await;
+        process
+    }
+
+    /// Waits until it is ready.
+    pub async fn recover(&self) {
         let began = Instant::now();
         loop {
-            let (status, body) = process.send(Method::GET, "/readyz", None).await.unwrap();
+            let (status, body) = self.send(Method::GET, "/readyz", None).await.unwrap();
             if status == 200 {
-                return process;
+                return;
             }
             assert_eq!((status, &body["status"]), (503, &Value::from("recovering")));
-            assert!(began.elapsed() < PATIENCE, "{:?}", process.read);
+            assert!(began.elapsed() < PATIENCE, "{:?}", self.read);
             tokio::time::sleep(Duration::from_millis(5)).await;
         }
+    }
+
+    /// The value of a metric without labels.
+    pub async fn metric(&self, name: &str) -> f64 {
+        let text =
+            self.client.get(format!("{}/metrics", self.url)).send().await.expect("it answers");
+        let text = text.text().await.expect("it is text");
+        let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+        line.unwrap_or_else(|| panic!("no {name} in {text}")).parse().expect("a number")
     }
 
     /// Waits for a line of the log.
@@ -106,6 +130,17 @@ impl Process {
         let id = self.child.id().expect("it runs") as i32;
         let id = rustix::process::Pid::from_raw(id).expect("a process has a number");
         rustix::process::kill_process(id, rustix::process::Signal::TERM).expect("it is ours");
+    }
+
+    /// Waits until it has ended; returns its exit code and all of its log.
+    pub async fn exit_code(mut self) -> (Option<i32>, Vec<String>) {
+        let all = async {
+            while let Ok(Some(line)) = self.log.next_line().await {
+                self.read.push(line);
+            }
+        };
+        tokio::time::timeout(PATIENCE, all).await.expect("it does not end");
+        (self.child.wait().await.expect("it ends").code(), self.read)
     }
 
     /// Waits until it has stopped; returns the rest of its log.

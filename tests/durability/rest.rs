@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 use crate::disk::Disk;
 use crate::on_each_backend;
 use crate::process::Process;
+use crate::support::wait::until;
 use crate::support::{Options, Server};
 
 on_each_backend!(time_at_rest_survives_kills, time_at_rest_survives_a_lost_device);
@@ -142,7 +143,9 @@ async fn time_at_rest_survives_a_lost_device(backend: BackendChoice) {
             assert!(began.elapsed() < PATIENCE);
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
-        tokio::time::sleep(Duration::from_millis(1500)).await;
+        let tick = async || server.get(&path).await.expect(200)["tick"].as_u64().unwrap();
+        let settled = tick().await;
+        until("time passes at rest", async || tick().await >= settled + 90).await;
         let before = server.get(&path).await.expect(200);
         server.sessions.sabotage(Fault::LoseDevice).await;
         let began = Instant::now();
@@ -185,7 +188,8 @@ async fn time_that_stands_still_is_not_counted() {
         assert!(began.elapsed() < PATIENCE);
         tokio::time::sleep(Duration::from_millis(20)).await;
     };
-    tokio::time::sleep(Duration::from_secs(3)).await;
+    let then = tick(&server, "awake").await;
+    until("the time of others goes on", async || tick(&server, "awake").await >= then + 720).await;
     let awake = tick(&server, "awake").await;
     server.kill().await;
     let began = Instant::now();
@@ -245,7 +249,11 @@ impl Store for Watched {
 async fn a_world_at_rest_writes_nothing_but_its_heartbeat() {
     let data = tempfile::tempdir().unwrap();
     let store = Watched::new(data.path());
-    let durability = Durability { store: Box::new(store.clone()), checkpoint_interval: NEVER };
+    let durability = Durability {
+        store: Box::new(store.clone()),
+        checkpoint_interval: NEVER,
+        accept_loss: false,
+    };
     let server = Server::start_stored(BackendChoice::Cpu, Options::default(), durability).await;
     let mut paths = Vec::new();
     for i in 0..40 {
@@ -290,7 +298,8 @@ async fn without_a_heartbeat_only_the_passing_since_the_mark_is_lost() {
         let path = "/v1/sessions/a/snowfalls";
         let fallen = server.post(path, fall()).await["tick"].as_u64().unwrap();
         settled(&server, "a").await;
-        tokio::time::sleep(Duration::from_millis(2000)).await;
+        let then = tick(&server, "a").await;
+        until("time passes at rest", async || tick(&server, "a").await >= then + 120).await;
         server.kill().await;
 
         let mut store = RedbStore::in_directory(data.path()).unwrap();

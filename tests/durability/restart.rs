@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use crate::on_each_backend;
 use crate::process::Process;
 use crate::script::{Step, history, session};
+use crate::support::wait::until;
 
 on_each_backend!(
     a_session_that_came_back_equals_its_twin,
@@ -80,7 +81,11 @@ async fn a_live_session_comes_back_to_a_state_of_its_own_past(backend: BackendCh
     server.post("/v1/sessions", session("live")).await;
     let running = json!({"paused": false});
     server.send(Method::PATCH, "/v1/sessions/live", Some(&running)).await.unwrap();
-    tokio::time::sleep(Duration::from_millis(1700)).await;
+    until("it has lived through checkpoints", async || {
+        server.metric("firn_store_checkpoints_total").await >= 4.0
+            && server.get("/v1/sessions/live").await["tick"].as_u64() >= Some(75)
+    })
+    .await;
     let before = server.get("/v1/sessions/live").await;
     server.kill().await;
 
@@ -116,6 +121,16 @@ async fn what_lived_through_a_kill_equals_a_twin_that_was_stepped(backend: Backe
         let answered = server.send(Method::PUT, &path, Some(&body)).await;
         answered.expect("it answers").1["tick"].as_u64().expect("a tick")
     };
+    // Waits until each has gone through some ticks since a certain one.
+    let lived = async |server: &Process, since: &[u64]| {
+        for (i, since) in since.iter().enumerate() {
+            let path = format!("/v1/sessions/live-{i}");
+            until("ticks pass", async || {
+                server.get(&path).await["tick"].as_u64() >= Some(since + 9)
+            })
+            .await;
+        }
+    };
     let sessions = 0..12;
     let server = Process::ready(data.path(), &options).await;
     for i in sessions.clone() {
@@ -124,7 +139,7 @@ async fn what_lived_through_a_kill_equals_a_twin_that_was_stepped(backend: Backe
         put(&server, id, i, "crate").await;
         carry_out(&server, id, &[paused(false)]).await;
     }
-    tokio::time::sleep(Duration::from_millis(400)).await;
+    lived(&server, &[0; 12]).await;
     let mut changed = Vec::new();
     for i in sessions.clone() {
         let id = &format!("live-{i}");
@@ -133,7 +148,7 @@ async fn what_lived_through_a_kill_equals_a_twin_that_was_stepped(backend: Backe
         changed.push(put(&server, id, i, "sledge").await);
         carry_out(&server, id, &[paused(false)]).await;
     }
-    tokio::time::sleep(Duration::from_millis(700)).await;
+    lived(&server, &changed).await;
     server.kill().await;
 
     let server = Process::ready(data.path(), &options).await;

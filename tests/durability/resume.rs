@@ -48,6 +48,7 @@ async fn seqs_go_on_above_what_was_published(backend: BackendChoice) {
         for x in [0.0, 1.7, 3.3, 0.0] {
             let answer = server.post(&format!("{path}/snowfalls"), fall(x)).await.expect(200);
             seqs.push(answer["seq"].as_u64().unwrap());
+            // What is written by itself is written meanwhile, which nothing tells.
             tokio::time::sleep(Duration::from_millis(700)).await;
         }
         // Snow falls and is cleared again: the heights are as before, but some saw others.

@@ -12,6 +12,7 @@ use tokio::task::JoinHandle;
 
 use crate::disk::Disk;
 use crate::process::send;
+use crate::support::wait::until;
 use crate::support::{Options, Server, small};
 
 /// Time that a sync takes.
@@ -86,12 +87,7 @@ async fn nothing_is_left_of_what_was_deleted() {
         for _ in 0..4 {
             clients.push(snow(&server, &path, &over, &falls));
         }
-        for _ in 0..10_000 {
-            if falls.load(Ordering::Relaxed) >= 4 {
-                break;
-            }
-            tokio::time::sleep(Duration::from_millis(1)).await;
-        }
+        until("snow falls", async || falls.load(Ordering::Relaxed) >= 4).await;
         assert_eq!(server.delete(&path).await.status, 204);
     }
     for client in clients {

@@ -1,8 +1,8 @@
 //! The arena's memory: what is taken is given back, and nothing of one snowpack shows in another.
 
-use firn::engine::frame::{Backend, EngineError, Run, Work};
-use firn::engine::gpu::GpuBackend;
-use firn::snow::{Grid, Material, Shape};
+use firn_engine::frame::{Backend, EngineError, Run, Work};
+use firn_engine::gpu::GpuBackend;
+use firn_snow::{Grid, Material, Shape};
 
 use crate::support::*;
 
@@ -37,7 +37,7 @@ fn snowpacks_of_all_sizes_come_and_go_and_leave_the_arena_empty() {
     let outcome = carry_out(&mut gpu, together);
     for (work, (slot, grid)) in outcome.work.iter().zip(&alive) {
         let depth = 0.2 * f64::from(grid.height) * 0.8;
-        let mass = (depth * 20.0 * firn::snow::MASS_QUANTA).round() as u64;
+        let mass = (depth * 20.0 * firn_snow::MASS_QUANTA).round() as u64;
         assert_eq!((work.slot, work.mass), (*slot, mass * grid.columns()));
     }
     while !alive.is_empty() {

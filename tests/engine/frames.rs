@@ -3,8 +3,8 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use firn::engine::frame::{Backend, Run, Work};
-use firn::snow::{Grid, Material};
+use firn_engine::frame::{Backend, Run, Work};
+use firn_snow::{Grid, Material};
 
 use crate::support::*;
 
@@ -16,6 +16,7 @@ thread_local! {
 struct Counting;
 
 // SAFETY: everything is left to the system's allocator.
+#[expect(unsafe_code, reason = "an allocator is unsafe to write")]
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // A thread that ends may allocate after its counter is gone.

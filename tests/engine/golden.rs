@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use firn::engine::frame::{Backend, Work};
-use firn::session::{Clock, SessionSpec};
-use firn::snow::{Grid, Shape};
+use firn::session::Clock;
+use firn_engine::frame::{Backend, Work};
+use firn_protocol::SessionSpec;
+use firn_snow::{Grid, Shape};
 use serde_json::Value;
 
 use crate::support::*;
@@ -35,7 +36,7 @@ fn apply(
         }
         "load" => {
             let side = number("b").unwrap();
-            let mass = number("q").unwrap() * side * side / firn::snow::GRAVITY;
+            let mass = number("q").unwrap() * side * side / firn_snow::GRAVITY;
             let shape = Shape::Box { width: side, depth: side };
             vec![put(grid, "plate", mass, shape, 2.5, 2.5)]
         }
@@ -59,7 +60,7 @@ impl Plates {
         self.0.push(plate);
     }
 
-    fn put(&self, grid: &Grid, entry: &Value) -> firn::engine::frame::Edit {
+    fn put(&self, grid: &Grid, entry: &Value) -> firn_engine::frame::Edit {
         let id = entry["id"].as_str().unwrap();
         let (_, mass, shape) = self.0.iter().find(|(name, ..)| name == id).unwrap();
         let (x, z) = (&entry["position"]["x"], &entry["position"]["z"]);
@@ -132,7 +133,7 @@ fn compare_state(case: &str, gpu: &mut dyn Backend, grid: &Grid, expected: &Valu
         );
     }
     let mass: u64 = tiles[tile as usize].column(column).map(|cell| u64::from(cell.mass)).sum();
-    let wanted = expected["mass_per_area"].as_f64().unwrap() * firn::snow::MASS_QUANTA;
+    let wanted = expected["mass_per_area"].as_f64().unwrap() * firn_snow::MASS_QUANTA;
     assert_eq!(mass, wanted.round() as u64, "{case}, tick {tick}: mass");
 }
 

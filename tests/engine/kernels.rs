@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use firn::engine::frame::{Backend, Contents, Edit, Outcome, Run, SampleBox, Work};
-use firn::engine::published::TileColumns;
-use firn::snow::{Grid, HardnessLaw, LoadDistribution, Material, Shape};
+use firn_engine::frame::{Backend, Contents, Edit, Outcome, Run, SampleBox, Work};
+use firn_engine::published::TileColumns;
+use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Shape};
 
 use crate::support::*;
 
@@ -279,7 +279,7 @@ fn the_fixed_grid_is_sampled_as_in_the_reference() {
             .flat_map(|tile| tile.mass.iter().map(|&mass| u64::from(mass)))
             .sum();
         let sampled: f64 = samples[0][0].iter().map(|sample| f64::from(sample.mass)).sum();
-        assert!((sampled * firn::snow::MASS_QUANTA / present as f64 - 1.0).abs() < 1e-5);
+        assert!((sampled * firn_snow::MASS_QUANTA / present as f64 - 1.0).abs() < 1e-5);
     }
 }
 

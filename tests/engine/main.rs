@@ -1,12 +1,15 @@
 //! The engine without sessions: the GPU's kernels beside their twins in plain Rust.
 
 mod arena;
+mod embedded;
 mod frames;
 mod golden;
 mod kernels;
+mod parts;
 mod render_shaders;
 mod shaders;
 mod sleep;
+mod story;
 mod support;
 mod times;
 mod track;

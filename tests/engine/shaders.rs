@@ -2,8 +2,8 @@
 
 use std::mem::offset_of;
 
-use firn::engine::gpu::kernels::{Access, KERNELS, Kernel, LARGEST_WORKGROUP, Resource};
-use firn::engine::gpu::layout;
+use firn_engine::gpu::kernels::{Access, KERNELS, Kernel, LARGEST_WORKGROUP, Resource};
+use firn_engine::gpu::layout;
 use naga::{AddressSpace, StorageAccess, TypeInner};
 
 fn parse(kernel: &Kernel) -> naga::Module {
@@ -172,10 +172,10 @@ fn constant(module: &naga::Module, name: &str) -> f64 {
 fn shared_constants_are_the_same() {
     let module = parse(&KERNELS[0]);
     for (name, value) in [
-        ("TILE_COLUMNS", firn::snow::TILE_COLUMNS),
-        ("TILE_SIDE", firn::snow::TILE_SIDE),
-        ("CELL", firn::snow::CELL),
-        ("CONTACT_DEPTH", firn::snow::CONTACT_DEPTH),
+        ("TILE_COLUMNS", firn_snow::TILE_COLUMNS),
+        ("TILE_SIDE", firn_snow::TILE_SIDE),
+        ("CELL", firn_snow::CELL),
+        ("CONTACT_DEPTH", firn_snow::CONTACT_DEPTH),
         ("NONE", layout::NO_SESSION),
         ("NONE", layout::NO_CYCLE),
         ("AWAKE", layout::AWAKE),
@@ -192,8 +192,8 @@ fn shared_constants_are_the_same() {
     ] {
         assert_eq!(constant(&module, name), f64::from(value), "{name}");
     }
-    assert_eq!(constant(&module, "GRAVITY"), f64::from(firn::snow::GRAVITY as f32));
-    assert_eq!(constant(&module, "MASS_QUANTUM"), 1.0 / firn::snow::MASS_QUANTA);
+    assert_eq!(constant(&module, "GRAVITY"), f64::from(firn_snow::GRAVITY as f32));
+    assert_eq!(constant(&module, "MASS_QUANTUM"), 1.0 / firn_snow::MASS_QUANTA);
 }
 
 #[test]

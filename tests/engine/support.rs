@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use firn::engine::cpu::CpuBackend;
-use firn::engine::frame::{
+use firn_engine::cpu::CpuBackend;
+use firn_engine::frame::{
     Backend, Deposit, Edit, Frame, Layout, Outcome, Placement, Run, Slot, TileCells, Work,
     WorkOutcome,
 };
-use firn::engine::gpu::GpuBackend;
-use firn::snow::{
+use firn_engine::gpu::GpuBackend;
+use firn_snow::{
     CELL, ColumnRect, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, TILE_COLUMNS,
 };
 

@@ -1,7 +1,7 @@
 //! An object that travels: it leaves a track, and the snow carries its weight at every tick.
 
-use firn::engine::frame::{Backend, Edit, Run, Work};
-use firn::snow::{Footprint, GRAVITY, Grid, Material, Position, Shape, elevation, share};
+use firn_engine::frame::{Backend, Edit, Run, Work};
+use firn_snow::{Footprint, GRAVITY, Grid, Material, Position, Shape, elevation, share};
 
 use crate::support::*;
 

@@ -1,7 +1,7 @@
 //! Much weather in one frame, as when a journal is gone through again.
 
-use firn::engine::frame::{Backend, Edit};
-use firn::snow::{Grid, Material};
+use firn_engine::frame::{Backend, Edit};
+use firn_snow::{Grid, Material};
 
 use crate::support::*;
 

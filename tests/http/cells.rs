@@ -1,9 +1,10 @@
 //! The fixed grid over HTTP.
 
-use crate::on_each_backend;
-use crate::support::Server;
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::support::Server;
 
 on_each_backend!(
     the_grid_shows_ground_snow_and_air,

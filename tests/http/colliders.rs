@@ -1,9 +1,10 @@
 //! Objects on the snow over HTTP.
 
-use crate::on_each_backend;
-use crate::support::{Options, Server, small};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::support::{Options, Server, small};
 
 on_each_backend!(
     a_collider_is_created_changed_and_removed,

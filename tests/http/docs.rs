@@ -1,7 +1,8 @@
 //! The reference to browse: all of it comes from the server itself.
 
-use crate::support::{Reply, Server};
 use firn::config::BackendChoice;
+
+use crate::support::{Reply, Server};
 
 /// Values of an attribute in a page.
 fn attributes<'a>(page: &'a str, name: &str) -> Vec<&'a str> {

@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
-use crate::on_each_backend;
-use crate::support::{Options, Server, small};
 use firn::config::{BackendChoice, RequestConfig};
 use reqwest::Method;
 use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::support::{Options, Server, small};
 
 on_each_backend!(
     bad_sessions_are_refused,
@@ -74,6 +75,12 @@ async fn bad_sessions_are_refused(backend: BackendChoice) {
     let steep: Vec<f64> = (0..2500).map(f64::from).collect();
     let reply = server.post("/v1/sessions", json!({"terrain": {"heights": steep}})).await;
     assert_eq!(reply.pointers(422), ["/terrain/heights"]);
+    for far in [1e308, -20_000.1] {
+        let terrain = json!({"heights": [0.0, far]});
+        let body = json!({"grid": {"width": 2, "depth": 1}, "terrain": terrain});
+        let reply = server.post("/v1/sessions", body).await;
+        assert_eq!(reply.pointers(422), ["/terrain/heights/1"]);
+    }
     // Everything that is wrong is told at once.
     let body = json!({"grid": {"width": 0, "height": 300}, "tick_rate": 0});
     let pointers = server.post("/v1/sessions", body).await.pointers(422);
@@ -218,6 +225,7 @@ async fn a_request_that_takes_too_long_is_ended() {
         requests: RequestConfig {
             max_body_bytes: 4096,
             request_timeout: Duration::from_millis(50),
+            ..RequestConfig::default()
         },
         ..Options::default()
     };

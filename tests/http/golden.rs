@@ -1,9 +1,10 @@
 //! The golden cases and the experiments, over HTTP.
 
-use crate::on_each_backend;
-use crate::support::{Server, numbers};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::support::{Server, numbers};
 
 on_each_backend!(
     golden_cases_hold,

@@ -3,11 +3,12 @@
 use std::io::Cursor;
 use std::time::Duration;
 
-use crate::on_each_backend;
-use crate::support::{Reply, Server, numbers};
 use firn::config::BackendChoice;
 use reqwest::Method;
 use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::support::{Reply, Server, numbers};
 
 on_each_backend!(
     an_image_shows_the_heights,

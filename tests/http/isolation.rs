@@ -1,9 +1,10 @@
 //! What goes wrong in one session stays in it.
 
-use crate::on_each_backend;
-use crate::support::{Server, small};
 use firn::config::BackendChoice;
 use serde_json::json;
+
+use crate::on_each_backend;
+use crate::support::{Server, small};
 
 on_each_backend!(a_session_that_panics_is_brought_back_and_no_other_notices);
 

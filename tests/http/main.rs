@@ -8,7 +8,6 @@ mod errors;
 mod golden;
 mod heights;
 mod isolation;
-mod limits;
 mod metrics;
 mod origin;
 mod portions;
@@ -20,6 +19,8 @@ mod server;
 mod sessions;
 mod snapshots;
 mod snow;
+mod strangers;
 #[path = "../support/mod.rs"]
 mod support;
+mod tenants;
 mod viewer;

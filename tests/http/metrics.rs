@@ -1,8 +1,10 @@
 //! What the server says about itself.
 
+use firn::config::BackendChoice;
+
 use crate::on_each_backend;
 use crate::support::Server;
-use firn::config::BackendChoice;
+use crate::support::wait::until;
 
 on_each_backend!(what_happens_is_counted);
 
@@ -25,9 +27,14 @@ async fn what_happens_is_counted(backend: BackendChoice) {
     let session = server.create(crate::support::small()).await;
     server.get(&session).await.expect(200);
     server.get("/v1/sessions/nobody").await.problem(404);
-    let after = String::from_utf8(server.get("/metrics").await.body).unwrap();
+    // A frame is counted when it has ended, after what was done in it was answered.
+    let mut after = String::new();
+    until("a frame has ended", async || {
+        after = String::from_utf8(server.get("/metrics").await.body).unwrap();
+        value(&after, "firn_frames_total") > Some(0.0)
+    })
+    .await;
     assert_eq!(value(&after, "firn_sessions"), Some(1.0));
-    assert!(value(&after, "firn_frames_total") > Some(0.0));
     assert!(value(&after, "firn_frame_time_seconds_total") > Some(0.0));
     assert!(value(&after, "firn_device_memory_bytes") > Some(0.0));
     let body = server.get(&session).await.expect(200);

@@ -1,8 +1,9 @@
 //! Web pages of others can't reach the server through somebody's browser.
 
-use crate::support::{Options, Server, small};
 use firn::config::{AccessConfig, BackendChoice};
 use reqwest::Method;
+
+use crate::support::{Options, Server, small};
 
 const PAGE: &str = "https://game.example";
 

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use firn::cli::open_backend;
+use firn::backend;
 use firn::config::{BackendChoice, EngineConfig};
-use firn::engine::frame::{Deposit, Edit, Frame, Layout, Placement, Run, Work};
-use firn::snow::{Footprint, Grid, MASS_QUANTA, Material, Position, Shape};
+use firn_engine::frame::{Deposit, Edit, Frame, Layout, Placement, Run, Work};
+use firn_snow::{Footprint, Grid, MASS_QUANTA, Material, Position, Shape};
 use serde_json::{Value, json};
 use tokio::task::JoinHandle;
 
@@ -86,7 +86,7 @@ async fn a_long_tick_is_the_same_as_in_one_piece(backend: BackendChoice) {
 
     let grid = Grid { width: 10, depth: 10, height: 20, cell_size: 0.2 };
     let config = EngineConfig { backend, device_memory: None };
-    let mut engine = open_backend(&config).unwrap();
+    let mut engine = backend::open(&config).unwrap();
     let layout = Layout { grid, material: Material::default(), ground: Vec::new() };
     engine.create(0, &layout).unwrap();
     let snow = Deposit {

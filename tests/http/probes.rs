@@ -1,9 +1,10 @@
 //! Probes over HTTP: they foretell what colliders do, and name what can't be answered.
 
-use crate::on_each_backend;
-use crate::support::Server;
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::support::Server;
 
 on_each_backend!(
     probes_foretell_how_deep_colliders_sink,

@@ -1,9 +1,10 @@
 //! Diagrams of columns over HTTP: read as XML, and their lines compared with the layers.
 
-use crate::on_each_backend;
-use crate::support::Server;
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::support::Server;
 
 on_each_backend!(a_column_is_drawn_with_its_weak_layer, a_column_that_is_not_there_is_named);
 

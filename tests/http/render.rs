@@ -2,11 +2,13 @@
 
 mod image;
 
-use crate::support::Server;
 use firn::config::BackendChoice;
 use firn::render::{Area, Field, Layout, Picture, Scale, View};
-use image::{Cells, Image};
 use serde_json::{Value, json};
+
+use crate::support::Server;
+
+use image::{Cells, Image};
 
 /// Makes a test of each function that needs an adapter to draw with, whatever the snow lives on.
 macro_rules! drawn {

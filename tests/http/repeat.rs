@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::on_each_backend;
-use crate::support::{Reply, Server, small};
 use firn::config::BackendChoice;
 use reqwest::Method;
 use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::support::{Reply, Server, small};
 
 on_each_backend!(repeats_get_the_first_answer_and_change_nothing);
 
@@ -41,8 +42,6 @@ async fn repeats_get_the_first_answer_and_change_nothing(backend: BackendChoice)
         (format!("{path}/clearings"), json!({"depth": 0.8}), 200),
         (format!("{path}/colliders"), collider, 201),
         (format!("{path}/colliders:batch"), json!({"put": [named]}), 200),
-        // What was refused is refused again.
-        (format!("{path}/snowfalls"), json!({"depth": -1}), 422),
     ];
     for (number, (url, body, status)) in calls.iter().enumerate() {
         let key = format!("key {number}");
@@ -64,6 +63,17 @@ async fn repeats_get_the_first_answer_and_change_nothing(backend: BackendChoice)
         let reply = post(&server, url, &key, &json!({"depth": 0.5})).await;
         assert_eq!(reply.pointers(422), ["Idempotency-Key"], "{url}");
         assert_eq!(state(&server, &path).await, before, "{url}");
+    }
+    // What was refused is refused again, and leaves its key free.
+    let url = format!("{path}/snowfalls");
+    for _ in 0..2 {
+        let refused = post(&server, &url, "refused", &json!({"depth": -1})).await;
+        assert_eq!(refused.pointers(422), ["/depth"]);
+        assert_eq!(refused.header("idempotent-replayed"), "");
+    }
+    for replayed in ["", "true"] {
+        let made = post(&server, &url, "refused", &json!({"depth": 0.1})).await;
+        assert_eq!((made.status, made.header("idempotent-replayed")), (200, replayed));
     }
     server.stop().await;
 }

@@ -1,9 +1,10 @@
 //! The server itself: health, its document, and how it stops.
 
-use crate::on_each_backend;
-use crate::support::{Server, slow, small};
 use firn::config::BackendChoice;
 use serde_json::json;
+
+use crate::on_each_backend;
+use crate::support::{Server, slow, small};
 
 on_each_backend!(it_says_how_it_is, it_stops_gracefully, many_clients_are_served_at_once);
 
@@ -28,7 +29,7 @@ async fn it_says_how_it_is(backend: BackendChoice) {
 
     let document = server.get("/openapi.json").await;
     assert_eq!(document.header("content-type"), "application/json");
-    let generated = serde_json::to_value(firn::http::document()).unwrap();
+    let generated = serde_json::to_value(firn::server::document()).unwrap();
     assert_eq!(document.expect(200), generated);
     server.stop().await;
 }

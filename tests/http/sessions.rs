@@ -2,10 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use crate::on_each_backend;
-use crate::support::{Options, Server, slow, small};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::support::wait::until;
+use crate::support::{Options, Server, slow, small};
 
 on_each_backend!(
     snow_that_has_stopped_falling_is_settled_again,
@@ -27,6 +29,7 @@ on_each_backend!(
 async fn a_pause_takes_no_ticks(backend: BackendChoice) {
     let server = Server::start(backend).await;
     let session = server.create(small()).await;
+    // Time passes in which no ticks may be taken.
     tokio::time::sleep(Duration::from_secs(1)).await;
     let running = Instant::now();
     let on = server.patch(&session, json!({"paused": false})).await.expect(200);
@@ -202,9 +205,7 @@ async fn a_session_that_nobody_wants_is_deleted(backend: BackendChoice) {
         let page = server.get("/v1/sessions").await.expect(200);
         page["items"].as_array().unwrap().len()
     };
-    while listed().await > 1 {
-        tokio::time::sleep(std::time::Duration::from_millis(50)).await;
-    }
+    until("one of them is deleted", async || listed().await <= 1).await;
     server.get(&forsaken).await.problem(404);
     assert!(!held.gone().is_cancelled(), "whoever holds a session wants it");
     drop(held);
@@ -299,13 +300,22 @@ async fn a_reset_leads_back_to_the_beginning(backend: BackendChoice) {
 async fn totals_of_the_server_are_kept(backend: BackendChoice) {
     let mut options = Options::default();
     options.limits.sessions = 2;
-    options.limits.cells = 3000;
-    options.limits.cells_per_session = 2000;
+    // Of whole tiles: 10 × 10 columns lie in 16 × 16.
+    options.limits.cells = 256 * 30;
+    options.limits.cells_per_session = 256 * 20;
+    options.limits.columns_per_session = 512;
     let server = Server::start_with(backend, options).await;
     let cells = |id: &str, height: u32| json!({"id": id, "grid": {"width": 10, "depth": 10, "height": height}, "paused": true});
     let reply = server.post("/v1/sessions", cells("a", 21)).await;
     assert_eq!(reply.pointers(422), ["/grid"]);
-    assert!(reply.json()["detail"].as_str().unwrap().contains("2000"), "the limit is named");
+    assert!(reply.json()["detail"].as_str().unwrap().contains("5120"), "the limit is named");
+    // One cell high, it would take 64 times what it says.
+    let thin = json!({"grid": {"width": 65, "depth": 1, "height": 1}});
+    let reply = server.post("/v1/sessions", thin).await;
+    assert_eq!(reply.pointers(422), ["/grid"]);
+    assert!(reply.json()["detail"].as_str().unwrap().contains("512"), "the limit is named");
+    let endless = json!({"grid": {"width": u32::MAX, "depth": u32::MAX, "height": 255}});
+    assert_eq!(server.post("/v1/sessions", endless).await.pointers(422), ["/grid", "/grid"]);
 
     server.create(cells("a", 20)).await;
     let full = server.post("/v1/sessions", cells("b", 11)).await;

@@ -1,9 +1,10 @@
 //! Snapshots over HTTP: saved, restored bit for bit, and refused where they are not sound.
 
-use crate::on_each_backend;
-use crate::support::{Options, Reply, Server, small};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::support::{Options, Reply, Server, small};
 
 on_each_backend!(
     a_restored_session_goes_on_bit_for_bit,

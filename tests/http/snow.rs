@@ -1,9 +1,10 @@
 //! Snowfalls and reads of the snow over HTTP.
 
-use crate::on_each_backend;
-use crate::support::{Reply, Server, numbers, small};
 use firn::config::BackendChoice;
 use serde_json::{Value, json};
+
+use crate::on_each_backend;
+use crate::support::{Reply, Server, numbers, small};
 
 on_each_backend!(
     the_ledger_holds_however_much_is_refused,

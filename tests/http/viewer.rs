@@ -3,9 +3,10 @@
 
 use std::path::Path;
 
-use crate::support::{Reply, Server};
 use firn::config::BackendChoice;
 use reqwest::Method;
+
+use crate::support::{Reply, Server};
 
 async fn fetch(server: &Server, path: &str, headers: &[(&str, &str)]) -> Reply {
     server.send(Method::GET, path, headers, Vec::new()).await

@@ -5,19 +5,22 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use firn::cli::open_backend;
+use firn::backend;
 use firn::config::{BackendChoice, EngineConfig};
 use firn::experiment::{self, Experiment, ExperimentError, Study};
-use firn::session::{ColumnView, Limits, Sessions, World, WorldConfig};
+use firn::session::{Limits, Sessions, World, WorldConfig};
+use firn_protocol::ColumnView;
 
 /// Columns along each side of a small grid, whose last tiles are partly covered.
 const SMALL: u32 = 9;
 
 fn start(backend: BackendChoice) -> (Sessions, World) {
     let engine = EngineConfig { backend, device_memory: None };
-    let backend = open_backend(&engine).expect("a graphics adapter to test");
+    let backend = backend::open(&engine).expect("a graphics adapter to test");
     let limits = Limits {
         sessions: 1,
+        columns_per_session: 1 << 20,
+        columns: 1 << 40,
         cells_per_session: 1 << 20,
         cells: 1 << 20,
         colliders_per_session: 3,

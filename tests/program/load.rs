@@ -3,17 +3,20 @@
 use std::process::{Output, Stdio};
 use std::time::Duration;
 
-use crate::on_each_backend;
-use crate::support::Server;
 use firn::config::BackendChoice;
 use serde_json::Value;
 use tokio::process::Command;
+
+use crate::on_each_backend;
+use crate::support::Server;
+use crate::support::wait::until;
 
 on_each_backend!(
     a_run_is_reported,
     stalled_clients_catch_up,
     an_interrupted_run_cleans_up,
     durable_snowfalls_are_counted,
+    a_neighbour_is_measured_beside_hostile_clients,
 );
 
 /// Beyond any run of these tests.
@@ -100,6 +103,50 @@ async fn durable_snowfalls_are_counted(backend: BackendChoice) {
     server.stop().await;
 }
 
+async fn a_neighbour_is_measured_beside_hostile_clients(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let pid = std::process::id().to_string();
+    let mut options = vec!["--hostile", "--scale", "0.02", "--duration", "300ms"];
+    if cfg!(target_os = "linux") {
+        options.extend(["--server-pid", &pid]);
+    }
+    let report = report(&finished(tool(&server, &options)).await);
+    assert_eq!(report["interrupted"], false, "{report}");
+    let beside = report["beside"].as_array().expect("a list");
+    let all = ["ticks", "objects", "settling", "pictures", "unread", "snapshots", "bodies"];
+    assert!(beside.iter().map(|beside| &beside["scenario"]).eq(all), "{report}");
+    for got in beside.iter().map(|beside| &beside["neighbour"]).chain([&report["baseline"]]) {
+        assert!(got["changes"].as_u64() > Some(0), "{report}");
+        assert_eq!((&got["refused"], &got["change_ms"]["count"]), (&0.into(), &got["changes"]));
+    }
+    assert!(report["baseline"]["ticks_per_second"].as_f64() > Some(0.0), "{report}");
+    // As many clients as there are at this scale, each with its last request still under way.
+    for (place, clients, statuses) in [
+        (0, 0, &[][..]),
+        (1, 0, &[]),
+        (2, 1, &["200"]),
+        (3, 1, &["200"]),
+        (4, 4, &["200"]),
+        (5, 4, &["200"]),
+        (6, 1, &[]),
+    ] {
+        let outcomes = beside[place]["outcomes"].as_object().expect("an object");
+        let known = |what: &String| what == "under way" || statuses.contains(&&**what);
+        assert!(outcomes.keys().all(known), "{report}");
+        let count: u64 = outcomes.values().map(|count| count.as_u64().unwrap()).sum();
+        assert!(count >= clients, "{report}");
+        assert_eq!(clients == 0, count == 0, "{report}");
+        assert_eq!(beside[place]["alone"].is_object(), place == 0, "{report}");
+        assert_eq!(beside[place]["memory"].is_object(), cfg!(target_os = "linux"));
+    }
+    for got in [&beside[0]["alone"]["live"], &beside[0]["alone"]["stepped"]] {
+        assert!(got["charged_share"].as_f64() > Some(0.0), "{report}");
+        assert!(got["frame_share"].as_f64() > Some(0.0), "{report}");
+    }
+    assert_eq!(sessions(&server).await, 0, "its sessions are deleted");
+    server.stop().await;
+}
+
 async fn stalled_clients_catch_up(backend: BackendChoice) {
     let server = Server::start(backend).await;
     let options = [
@@ -128,12 +175,7 @@ async fn an_interrupted_run_cleans_up(backend: BackendChoice) {
     let mut command = tool(&server, &["--clients", "5", "--duration", "10m"]);
     let child = command.spawn().expect("it runs");
     let pid = child.id().expect("it has not ended").to_string();
-    let waited = async {
-        while sessions(&server).await == 0 {
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
-    };
-    tokio::time::timeout(PATIENCE, waited).await.expect("it creates a session");
+    until("it creates a session", async || sessions(&server).await > 0).await;
     let sent = Command::new("kill").args(["-INT", &pid]).status().await.expect("kill runs");
     assert!(sent.success());
     let ended = tokio::time::timeout(PATIENCE, child.wait_with_output()).await;
@@ -158,6 +200,11 @@ async fn a_run_that_cannot_be_says_why() {
         (&["--tick-rate", "0"], "not within 0.1 to 1000 Hz"),
         (&["--url", "https://127.0.0.1"], "without TLS"),
         (&["--url", "http://127.0.0.1:1"], "can't be reached"),
+        (&["--hostile", "--url", "http://192.0.2.1:8080"], "no server on this machine"),
+        (&["--hostile", "--scale", "2"], "above 0 and at most 1"),
+        (&["--hostile", "--scenario", "kindness"], "kindness"),
+        (&["--hostile", "--durable"], "cannot be used with"),
+        (&["--scenario", "ticks"], "--hostile"),
         (&["--region", "8"], "expected columns along x and z"),
     ] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_firn"));

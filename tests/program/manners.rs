@@ -7,8 +7,8 @@ use std::process::{Command, Output};
 
 use crate::running::{Running, serve};
 
-const COMMANDS: [&str; 7] =
-    ["serve", "experiment", "load", "bench", "openapi", "completions", "man"];
+const COMMANDS: [&str; 8] =
+    ["serve", "key", "experiment", "load", "bench", "openapi", "completions", "man"];
 
 fn firn(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_firn")).args(arguments).output().expect("it runs")
@@ -110,6 +110,9 @@ fn what_was_wrong_with_an_option_is_said() {
     usage(&["--log", "firn=loud"], &["--log", "firn=loud"]);
     usage(&["--otlp-endpoint", "https://tempo"], &["--otlp-endpoint", "http://127.0.0.1:4318"]);
     usage(&["--api-key-file", "/nowhere/key"], &["--api-key-file /nowhere/key", "No such file"]);
+    usage(&["--api-keys-file", "/nowhere/keys"], &["--api-keys-file /nowhere/keys", "TOML"]);
+    let no_keys = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
+    usage(&["--api-keys-file", no_keys], &["--api-keys-file", "line ", "unknown field"]);
     usage(&["--tls-cert", "cert.pem"], &["--tls-key"]);
     let files = ["--tls-cert", "/nowhere/cert.pem", "--tls-key", "/nowhere/key.pem"];
     usage(&files, &["/nowhere/cert.pem", "No such file", "certificate chain"]);

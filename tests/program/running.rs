@@ -1,7 +1,7 @@
 //! A server as it is started from a shell.
 
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, ChildStderr, Command, Stdio};
+use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
 
 /// `firn serve` as it is started from a shell, with some options.
 pub fn serve(options: &[&str]) -> Command {
@@ -52,12 +52,29 @@ impl Running {
 
     /// Asks it to stop and waits until it has; returns its exit code and everything that it logged.
     #[cfg(unix)]
-    pub fn stop(mut self) -> (Option<i32>, String) {
-        let id = rustix::process::Pid::from_child(&self.child);
-        rustix::process::kill_process(id, rustix::process::Signal::TERM).expect("it runs");
+    pub fn stop(self) -> (Option<i32>, String) {
+        self.signal(rustix::process::Signal::TERM);
+        let (status, log) = self.ended();
+        (status.code(), log)
+    }
+
+    /// Sends it a signal.
+    #[cfg(unix)]
+    pub fn signal(&self, signal: rustix::process::Signal) {
+        rustix::process::kill_process(self.pid(), signal).expect("it runs");
+    }
+
+    /// The number of its process.
+    #[cfg(unix)]
+    pub fn pid(&self) -> rustix::process::Pid {
+        rustix::process::Pid::from_child(&self.child)
+    }
+
+    /// Waits until it has ended; returns how, and everything that it logged.
+    pub fn ended(mut self) -> (ExitStatus, String) {
         self.log.read_to_string(&mut self.seen).expect("the log is text");
         let status = self.child.wait().expect("it ends");
-        (status.code(), std::mem::take(&mut self.seen))
+        (status, std::mem::take(&mut self.seen))
     }
 }
 

@@ -7,7 +7,7 @@ use serde_json::Value;
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/api/openapi.json");
 
 fn document() -> Value {
-    serde_json::to_value(firn::http::document()).expect("the document is plain data")
+    serde_json::to_value(firn::server::document()).expect("the document is plain data")
 }
 
 fn operations(document: &Value) -> Vec<(String, &Value)> {
@@ -24,7 +24,7 @@ fn operations(document: &Value) -> Vec<(String, &Value)> {
 #[test]
 fn the_published_document_is_up_to_date() {
     let published = std::fs::read_to_string(FILE).expect("api/openapi.json is there");
-    let mut generated = firn::http::document().to_pretty_json().expect("it can be written");
+    let mut generated = firn::server::document().to_pretty_json().expect("it can be written");
     generated.push('\n');
     assert!(published == generated, "run `cargo run -- openapi > api/openapi.json`");
 }
@@ -51,6 +51,7 @@ fn it_lists_every_call() {
         "post /step",
         "post /reset",
         "post /tokens",
+        "post /unlock",
         "post /snowfalls",
         "post /clearings",
         "put /air-temperature",
@@ -65,6 +66,7 @@ fn it_lists_every_call() {
         "get /height",
         "get /columns/{column_x}/{column_z}",
         "get /mass",
+        "get /usage",
         "get /cells",
         "get /render.png",
         "get /profile.svg",

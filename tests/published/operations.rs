@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-use crate::support::Server;
 use firn::cli::configuration;
 use firn::config::BackendChoice;
+
+use crate::support::Server;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 

@@ -1,6 +1,6 @@
 //! Single columns under random changes.
 
-use firn::snow::{CELL, Column, Grid, HardnessLaw, LoadDistribution, Material, SurfaceLoad};
+use firn_snow::{CELL, Column, Grid, HardnessLaw, LoadDistribution, Material, SurfaceLoad};
 use proptest::prelude::*;
 
 const LAWS: [HardnessLaw; 3] =

@@ -1,6 +1,6 @@
 //! What the equilibrium of a column foretells is where a real object comes to rest.
 
-use firn::snow::{
+use firn_snow::{
     CELL, Column, Footprint, GRAVITY, Grid, HardnessLaw, LoadDistribution, MASS_QUANTA, Material,
     Position, Shape, Snowpack, SurfaceLoad,
 };
@@ -26,7 +26,7 @@ type Layer = (f64, f64, f32);
 
 /// Level snow in its layers.
 fn snowpack(grid: Grid, material: Material, layers: &[Layer]) -> Snowpack {
-    let mut snowpack = Snowpack::new(grid, material, &[], false);
+    let mut snowpack = Snowpack::new(grid, material, &[], false).unwrap();
     for &(depth, dense, temperature) in layers {
         let density = 20.0 * (material.max_density / 20.0).powf(dense);
         let mass = (depth * grid.cell_size * density * MASS_QUANTA).round() as u32;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use firn::session::Clock;
-use firn::snow::{
+use firn_snow::{
     Column, Contact, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Snowpack, SurfaceLoad,
 };
 use serde::Deserialize;
@@ -110,7 +110,7 @@ impl Trial {
     fn new(spec: Spec) -> Trial {
         let mut trial = Trial {
             clock: Clock::new(spec.tick_rate, spec.time_scale),
-            snowpack: Snowpack::new(spec.grid, spec.material, &[], false),
+            snowpack: Snowpack::new(spec.grid, spec.material, &[], false).unwrap(),
             spec,
             refused: 0,
             loaded: None,

@@ -1,6 +1,6 @@
 //! The mass ledger holds to the quantum, whatever happens and however often.
 
-use firn::snow::{ColumnRect, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Snowpack};
+use firn_snow::{ColumnRect, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Snowpack};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
@@ -12,7 +12,7 @@ fn fallen_less_refused_less_cleared_is_present_after_a_million_operations() {
     let mut dice = SmallRng::seed_from_u64(1);
     let grid = Grid { width: 3, depth: 2, height: 9, cell_size: 0.2 };
     let material = Material::default();
-    let mut snowpack = Snowpack::new(grid, material, &[], false);
+    let mut snowpack = Snowpack::new(grid, material, &[], false).unwrap();
     let (mut fallen, mut refused, mut cleared) = (0_u64, 0_u64, 0_u64);
     for operation in 0..OPERATIONS {
         let (x0, z0) = (dice.random_range(0..3), dice.random_range(0..2));

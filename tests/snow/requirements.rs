@@ -1,7 +1,7 @@
 //! The thesis's requirements 1 to 7 (table 3.1), for every hardness law, over random columns; and
 //! that without snowfall heights never rise and densities never fall.
 
-use firn::snow::{
+use firn_snow::{
     CELL, Cell, Column, Footprint, GRAVITY, Grid, HardnessLaw, LoadDistribution, MASS_QUANTA,
     Material, Position, Shape, Snowpack, SurfaceLoad,
 };
@@ -205,7 +205,7 @@ fn plate(side: f64) -> Footprint {
 }
 
 fn patch(material: Material, layers: &Layers) -> Snowpack {
-    let mut snowpack = Snowpack::new(PATCH, material, &[], false);
+    let mut snowpack = Snowpack::new(PATCH, material, &[], false).unwrap();
     for &(depth, density, temperature) in layers {
         let mass = (depth * PATCH.cell_size * density * MASS_QUANTA).round() as u32;
         let depth = (depth * f64::from(CELL)).round() as u32;

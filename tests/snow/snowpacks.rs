@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use firn::snow::{
+use firn_snow::{
     CELL, Cell, ColumnRect, Contact, Footprint, GRAVITY, Grid, Material, Position, Shape, Snowpack,
     elevation, share,
 };
@@ -53,7 +53,7 @@ fn snow(snowpack: &mut Snowpack, rect: ColumnRect, depth: f64, temperature: f32)
 
 /// A snowpack with an object on it that sinks.
 fn laden(always_awake: bool) -> Snowpack {
-    let mut snowpack = Snowpack::new(grid(), Material::default(), &ground(), always_awake);
+    let mut snowpack = Snowpack::new(grid(), Material::default(), &ground(), always_awake).unwrap();
     snow(&mut snowpack, grid().all(), 6.0, -3.0);
     snowpack.put_collider("sinks".into(), 200.0, footprint((true, 1.0, 1.0, 0.5, 0.5)), true);
     snowpack
@@ -124,7 +124,7 @@ proptest! {
         mass in 1.0..5000.0,
         place in place(),
     ) {
-        let mut snowpack = Snowpack::new(grid(), Material::default(), &ground(), false);
+        let mut snowpack = Snowpack::new(grid(), Material::default(), &ground(), false).unwrap();
         for (rect, depth, temperature) in falls {
             snow(&mut snowpack, rect, depth, temperature);
         }
@@ -184,7 +184,7 @@ proptest! {
 
 #[test]
 fn a_snowpack_falls_asleep_and_wakes_where_it_is_touched() {
-    let mut snowpack = Snowpack::new(grid(), Material::default(), &[], false);
+    let mut snowpack = Snowpack::new(grid(), Material::default(), &[], false).unwrap();
     snow(&mut snowpack, grid().all(), 8.0, -3.0);
     assert_eq!(snowpack.active_tiles(), 6);
     let place = |x| footprint((false, 0.6, 0.6, x, 0.0));
@@ -208,7 +208,7 @@ fn a_snowpack_falls_asleep_and_wakes_where_it_is_touched() {
 
 #[test]
 fn what_rests_in_short_cycles_is_woken_for_longer_ones() {
-    let mut snowpack = Snowpack::new(grid(), Material::default(), &[], false);
+    let mut snowpack = Snowpack::new(grid(), Material::default(), &[], false).unwrap();
     snow(&mut snowpack, grid().all(), 8.0, 0.0);
     assert_eq!(snowpack.run(10, 1e-9), 0, "an indent below a quantum is none");
     assert_eq!(snowpack.active_tiles(), 0);

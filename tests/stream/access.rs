@@ -1,7 +1,7 @@
 //! Who may stream, and who may change anything over a stream.
 
 use firn::config::{AccessConfig, ApiKey, BackendChoice};
-use firn::stream::Cause;
+use firn_protocol::stream::Cause;
 use reqwest::Method;
 use serde_json::{Value, json};
 

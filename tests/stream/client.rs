@@ -6,7 +6,7 @@ mod view;
 use std::collections::{HashMap, VecDeque};
 use std::time::Duration;
 
-use firn::stream::codec::{self, HeightMessage};
+use firn_protocol::heights::{self, HeightMessage};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
@@ -202,7 +202,7 @@ impl Client {
             Some(Ok(Message::Binary(bytes))) => {
                 assert!(bytes.len() <= LARGEST, "{} bytes", bytes.len());
                 self.payload += bytes.len();
-                let message = codec::decode(&bytes).unwrap();
+                let message = heights::decode(&bytes).unwrap();
                 Ok(as_text(&message, self.views[&message.head.id].quantum))
             }
             other => Err(format!("{other:?}")),

@@ -266,6 +266,7 @@ async fn reconstructs(backend: BackendChoice, protocol: &str, seed: u64) {
             let read = server.get(&format!("{session}/heights")).await.expect(200);
             newest = read["seq"].as_u64().unwrap();
             known.lock().unwrap().insert(newest, rounded(&numbers(&read["heights"]), 0.001));
+            // So that the network fails again and again while there are changes.
             sleep(Duration::from_millis(20)).await;
         }
         proxy.well.store(true, Ordering::SeqCst);

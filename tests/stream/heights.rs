@@ -1,12 +1,13 @@
 //! What a client is told of the snow.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
-use firn::config::BackendChoice;
+use firn::config::{BackendChoice, ConnectionConfig};
 use serde_json::{Value, json};
 
 use crate::client::Client;
-use crate::support::{Server, numbers, small};
+use crate::support::{Options, Server, numbers, small};
 use crate::{on_each_backend, rounded, settling};
 
 on_each_backend!(
@@ -125,7 +126,10 @@ async fn clients_of_different_rates_reach_the_same_state(backend: BackendChoice)
 }
 
 async fn a_client_that_does_not_read_holds_up_nobody(backend: BackendChoice) {
-    let server = Server::start(backend).await;
+    // However long that takes.
+    let write_timeout = Duration::from_secs(600);
+    let connections = ConnectionConfig { write_timeout, ..ConnectionConfig::default() };
+    let server = Server::start_with(backend, Options { connections, ..Options::default() }).await;
     let grid = json!({"width": 128, "depth": 128, "height": 20, "cell_size": 0.2});
     let snow = json!([{"depth": 3.5}]);
     let spec = json!({"grid": grid, "paused": true, "initial_snow": snow});

@@ -4,15 +4,18 @@ use std::num::NonZeroU32;
 use std::time::Duration;
 
 use firn::config::{BackendChoice, StreamConfig};
-use firn::stream::{Cause, EncodedTiles};
+use firn::stream::EncodedTiles;
+use firn_protocol::stream::Cause;
 use serde_json::json;
 
 use crate::client::Client;
 use crate::on_each_backend;
+use crate::support::wait::until;
 use crate::support::{self, Options, Server};
 
 on_each_backend!(
     a_tile_is_encoded_once_for_all_who_watch_it,
+    what_streams_hold_is_counted_while_they_are_open,
     states_that_a_client_was_too_busy_for_are_counted,
     a_client_that_lets_a_write_block_is_closed,
     a_client_that_sends_too_many_commands_is_closed,
@@ -65,6 +68,33 @@ async fn a_tile_is_encoded_once_for_all_who_watch_it(backend: BackendChoice) {
     server.stop().await;
 }
 
+async fn what_streams_hold_is_counted_while_they_are_open(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = server.create(big()).await;
+    let held = async || {
+        let body = server.get(&format!("{session}/usage")).await.expect(200);
+        body["memory_bytes"]["streams"].as_u64().unwrap()
+    };
+    assert_eq!(held().await, 0);
+    let mut clients = Vec::new();
+    for count in 1..=3u64 {
+        let mut client = Client::open_as(&server, &session, "firn.v1.bin").await;
+        client.send(json!({"op": "subscribe", "id": 1})).await;
+        client.heights_of(1).await;
+        // Nothing is being written any more once this is answered.
+        client.send(json!({"op": "ping", "id": 2})).await;
+        client.answer().await;
+        clients.push(client);
+        // 256 tiles, encoded once for all: a place in a table of 512, and some bytes each.
+        let tiles = 512 * (size_of::<(u32, (u64, axum::body::Bytes))>() as u64 + 1) + 256 * 24;
+        let beside = held().await - count * 20 * 1024 - tiles;
+        assert!((256..256 * 100).contains(&beside), "{beside} bytes of tiles");
+    }
+    drop(clients);
+    until("nothing is held any more", async || held().await == 0).await;
+    server.stop().await;
+}
+
 async fn states_that_a_client_was_too_busy_for_are_counted(backend: BackendChoice) {
     let server = Server::start(backend).await;
     let session = server.create(big()).await;
@@ -112,9 +142,7 @@ async fn a_client_that_lets_a_write_block_is_closed(backend: BackendChoice) {
     for id in 0..64 {
         stalled.send(json!({"op": "subscribe", "id": id, "quantum": 0.0001})).await;
     }
-    while server.app.metrics.streams.ended(Cause::TooSlow) == 0 {
-        tokio::time::sleep(Duration::from_millis(10)).await;
-    }
+    until("it is given up", async || server.app.metrics.streams.ended(Cause::TooSlow) > 0).await;
     assert_eq!(stalled.close_code().await, 3008);
     server.stop().await;
 }

@@ -1,7 +1,7 @@
 //! The published test vectors of the binary messages, which decoders in other languages are checked
 //! against too.
 
-use firn::stream::codec::{Head, HeightMessage, Run, Tile, decode, encode, encode_tile};
+use firn_protocol::heights::{Head, HeightMessage, Run, Tile, decode, encode, encode_tile};
 use serde_json::{Value, json};
 
 const VECTORS: &str = include_str!("../../api/height-stream-vectors.json");

@@ -3,14 +3,17 @@
 // Each test program uses its own part of this.
 #![allow(dead_code)]
 
+pub mod device;
+pub mod wait;
+
 use std::time::Duration;
 
-use firn::cli::open_backend;
+use firn::backend;
 use firn::config::{
     AccessConfig, BackendChoice, ConnectionConfig, EngineConfig, RequestConfig, StreamConfig,
 };
 use firn::http::{App, Gate};
-use firn::session::{Durability, Limits, Sessions, World, WorldConfig};
+use firn::session::{Durability, Limits, OpenBackend, Sessions, World, WorldConfig};
 use reqwest::header::{ACCEPT, CONTENT_TYPE, HeaderMap};
 use reqwest::{Client, Method};
 use serde_json::{Value, json};
@@ -67,6 +70,8 @@ impl Default for Options {
         Options {
             limits: Limits {
                 sessions: 100,
+                columns_per_session: 1 << 28,
+                columns: 1 << 40,
                 cells_per_session: 1 << 28,
                 cells: 1 << 32,
                 colliders_per_session: 4096,
@@ -74,6 +79,7 @@ impl Default for Options {
             requests: RequestConfig {
                 max_body_bytes: 1 << 20,
                 request_timeout: Duration::from_secs(60),
+                ..RequestConfig::default()
             },
             stream: StreamConfig::default(),
             access: AccessConfig::default(),
@@ -171,21 +177,23 @@ impl Server {
         durability: Durability,
     ) -> Server {
         let engine = EngineConfig { backend, device_memory: options.device_memory };
-        let open = Box::new(move || open_backend(&engine));
+        Server::start_on(Box::new(move || backend::open(&engine)), options, durability).await
+    }
+
+    /// Starts a server on the device that a function opens.
+    pub async fn start_on(open: OpenBackend, options: Options, durability: Durability) -> Server {
         let config = WorldConfig { limits: options.limits, publish_rate: 20.0, sleep: true };
         let (sessions, world) = World::open(open, config, durability).expect(
             "a graphics adapter is needed, a software one will do; FIRN_SKIP_GPU_TESTS=1 leaves \
              these tests out",
         );
-        while !sessions.vitals().is_recovered() {
-            tokio::time::sleep(Duration::from_millis(1)).await;
-        }
+        wait::until("its sessions are back", async || sessions.vitals().is_recovered()).await;
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port is free");
         let url = format!("http://{}", listener.local_addr().expect("it has an address"));
         let shutdown = CancellationToken::new();
         let gate = Gate::new(&options.access, options.connections).expect("a sound configuration");
-        let app = App::new(sessions.clone(), options.requests, options.stream, gate);
-        let serving = tokio::spawn(firn::http::run(listener, app.clone(), shutdown.clone()));
+        let app = App::new(sessions.clone(), options.requests, options.stream, gate).unwrap();
+        let serving = tokio::spawn(firn::server::run(listener, app.clone(), shutdown.clone()));
         Server {
             url,
             sessions,

@@ -1,13 +1,13 @@
 // What colours can show, the same as the server's pictures: names, units and colour maps.
 
-import type { CellField, Cells } from "firn-client";
+import type { Cells } from "firn-client";
 
 /** A quantity that colours show. */
 export interface Field {
   name: string;
   unit: string;
   /** What the server is asked for. */
-  needs: CellField[];
+  needs: string[];
   /** From the least to the greatest value. */
   colours: string[];
   /** Whether the middle of the colours is 0. */

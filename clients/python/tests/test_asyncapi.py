@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
+from referencing import Registry
+from referencing.jsonschema import DRAFT202012
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
@@ -20,6 +22,10 @@ from server import ROOT
 
 DOCUMENT = yaml.safe_load((ROOT / "api/asyncapi.yaml").read_text())
 MESSAGES = DOCUMENT["components"]["messages"]
+REST = json.loads((ROOT / "api/openapi.json").read_text())
+DOCUMENTS = Registry().with_resources(
+    [("asyncapi.yaml", DRAFT202012.create_resource(DOCUMENT)), ("openapi.json", DRAFT202012.create_resource(REST))]
+)
 SENT = [
     reference["$ref"].rsplit("/", 1)[1]
     for operation in DOCUMENT["operations"].values()
@@ -38,8 +44,8 @@ def examples(names: list[str]) -> list[dict[str, Any]]:
 
 
 def validate(name: str, message: Any) -> None:
-    schema = {"$ref": f"#/components/messages/{name}/payload", "components": DOCUMENT["components"]}
-    Draft202012Validator(schema).validate(message)
+    schema = {"$ref": f"asyncapi.yaml#/components/messages/{name}/payload"}
+    Draft202012Validator(schema, registry=DOCUMENTS).validate(message)
 
 
 def as_json(message: HeightMessage) -> dict[str, Any]:

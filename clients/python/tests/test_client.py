@@ -35,6 +35,7 @@ def test_a_sessions_life(client: Client) -> None:
     session.clear(1)
     assert session.get()["summary"]["max_height"] <= 1
     assert session.mass()["imbalance_quanta"] == 0
+    assert session.usage()["memory_bytes"]["device"] > 0
     assert session.set(time_scale=10)["time_scale"] == 10
     assert session.reset()["tick"] == 0
     session.delete()

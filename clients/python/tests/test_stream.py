@@ -124,7 +124,7 @@ async def test_a_closed_stream_ends_its_iterations(client: Client) -> None:
         snow = await stream.subscribe()
         await anext(snow)
         waiting = asyncio.create_task(anext(snow, None))
-        await asyncio.sleep(0)
+        await asyncio.sleep(0)  # it begins to wait
     assert await waiting is None
     with pytest.raises(Disconnected):
         await stream.command("snowfall", depth=1)

@@ -2,7 +2,7 @@
 
 import { type Access, ask } from "./http.ts";
 import { Session } from "./session.ts";
-import type { CreatedSession, Page, Readiness, SessionSpec, SessionView } from "./types.ts";
+import type { CreatedSession, PageQuery, Readiness, SessionPage, SessionSpec, SessionView } from "./types.ts";
 
 /** A Firn server. Its calls throw a ProblemError where the server refuses them. */
 export class Firn {
@@ -30,7 +30,7 @@ export class Firn {
   }
 
   /** A page of the sessions. */
-  listSessions(query: { limit?: number; cursor?: string } = {}): Promise<Page<SessionView>> {
+  listSessions(query: PageQuery = {}): Promise<SessionPage> {
     return ask(this.access, "/v1/sessions", { query });
   }
 

@@ -32,7 +32,7 @@ export class HeightField {
   private known = new Uint8Array(0);
   private unknown = 0;
 
-  constructor(grid: Grid, stride: number, region?: ColumnRegion) {
+  constructor(grid: Grid, stride: number, region?: ColumnRegion | null) {
     this.grid = grid;
     this.stride = stride;
     this.moveTo(region);
@@ -52,7 +52,7 @@ export class HeightField {
   }
 
   /** Looks at another region; what is known of it stays known. */
-  moveTo(region?: ColumnRegion): void {
+  moveTo(region?: ColumnRegion | null): void {
     const { column_x, column_z, width, depth, heights, known, grid, stride } = this;
     const wanted = region ?? { column_x: 0, column_z: 0, width: grid.width, depth: grid.depth };
     const x = span(wanted.column_x, wanted.width, grid.width);

@@ -1,19 +1,20 @@
 // A session over REST.
 
+import type { GetCellsQuery } from "./generated.ts";
 import { type Access, ask, ProblemError, type Request, send } from "./http.ts";
 import { Stream, type StreamOptions } from "./stream.ts";
 import type {
   Cells,
-  CellsQuery,
   Clearing,
   ClearingReply,
   Collider,
   ColliderBatch,
+  ColliderPage,
   ColliderSpec,
   Column,
   HeightsQuery,
   MassLedger,
-  Page,
+  PageQuery,
   Probe,
   ProbeSpec,
   SessionView,
@@ -22,7 +23,15 @@ import type {
   SnowfallReply,
   Stamp,
   StepSpec,
+  Tokens,
+  Usage,
 } from "./types.ts";
+
+/** Which cells of the fixed grid to read. */
+export interface CellsQuery extends Omit<GetCellsQuery, "fields"> {
+  /** Names of fields. */
+  fields?: string[];
+}
 
 /** Heights of a region, row by row: index = z · width + x. */
 export interface Heights extends Stamp {
@@ -73,7 +82,7 @@ export class Session {
   }
 
   /** New tokens; the old ones stop working. */
-  renewTokens(): Promise<{ token: string; viewer_token: string }> {
+  renewTokens(): Promise<Tokens> {
     return this.call("/tokens", { method: "POST" });
   }
 
@@ -104,7 +113,7 @@ export class Session {
   }
 
   /** A page of the objects on the snow. */
-  colliders(query: { limit?: number; cursor?: string } = {}): Promise<Page<Collider> & Stamp> {
+  colliders(query: PageQuery = {}): Promise<ColliderPage> {
     return this.call("/colliders", { query });
   }
 
@@ -116,7 +125,7 @@ export class Session {
   /** Puts an object on the snow; replaces or moves the one of the same id. */
   putCollider(collider: ColliderSpec): Promise<Collider & Stamp> {
     const { id, ...body } = collider;
-    if (id === undefined) return this.call("/colliders", { method: "POST", body });
+    if (id == null) return this.call("/colliders", { method: "POST", body });
     return this.call(`/colliders/${encodeURIComponent(id)}`, { method: "PUT", body });
   }
 
@@ -159,6 +168,11 @@ export class Session {
   /** The mass ledger. */
   mass(): Promise<MassLedger> {
     return this.call("/mass");
+  }
+
+  /** What it takes of the server: device time and memory. */
+  usage(): Promise<Usage> {
+    return this.call("/usage");
   }
 
   /** How deep loads would sink, without putting them there. */

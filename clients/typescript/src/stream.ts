@@ -3,6 +3,7 @@
 import { DecodeError, decode } from "./height-stream.ts";
 import { ProblemError } from "./http.ts";
 import { type Change, Subscription, type Watch } from "./subscription.ts";
+import type { AckMessage, ErrorMessage, PongMessage } from "./generated.ts";
 import type { Problem, Stamp, StreamEvent, Welcome } from "./types.ts";
 
 /** How a stream stands. */
@@ -143,8 +144,7 @@ export class Stream {
     }
   }
 
-  // biome-ignore lint/suspicious/noExplicitAny: what the server says is as api/asyncapi.yaml describes it
-  private receiveText(message: any): void {
+  private receiveText(message: Welcome | StreamEvent | AckMessage | ErrorMessage | PongMessage): void {
     switch (message.op) {
       case "welcome":
         this.open(message);

@@ -1,22 +1,12 @@
 // What a stream's client watches, and what it holds of it.
 
+import type { SubscribeMessage } from "./generated.ts";
 import { HeightField } from "./height-field.ts";
 import type { HeightMessage, Tile } from "./height-stream.ts";
 import type { Collider, ColumnRegion, Welcome } from "./types.ts";
 
 /** What is to be watched. */
-export interface Watch {
-  /** Columns; all where there are none. */
-  region?: ColumnRegion | undefined;
-  /** Every how many columns one is told; 1 where it is not said. */
-  stride?: 1 | 2 | 4 | 8;
-  /** Most messages per second [Hz], 0.1 to 60; 20 where it is not said. */
-  max_rate?: number;
-  /** Step that heights are rounded to [m]; 1 mm where it is not said. */
-  quantum?: number;
-  /** Whether the objects in the region are told. */
-  colliders?: boolean;
-}
+export type Watch = Omit<SubscribeMessage, "op" | "id" | "resume">;
 
 /** News of a subscription. */
 export interface Change {

@@ -73,6 +73,7 @@ test("a session's life over REST", async () => {
   assert.equal(cells.content.length, 24);
   assert.equal(cells.fields.hardness?.length, 24);
   assert.equal((await session.mass()).imbalance_quanta, 0);
+  assert.ok((await session.usage()).memory_bytes.device > 0);
   const { probes } = await session.probe([{ x: 3, z: 2, mass: 80, area: 0.05 }]);
   assert.ok((probes[0]?.sink_depth ?? 0) > 0);
 

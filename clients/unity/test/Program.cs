@@ -19,7 +19,7 @@ static class Program
         while (!running.IsCompleted)
         {
             if (snow.Poll()) Print(snow);
-            Thread.Sleep(5);
+            Thread.Sleep(5); // until a game's next frame
         }
         Console.WriteLine("ended " + running.Exception.InnerException.Message);
         return 0;

@@ -1,64 +1,111 @@
-//! Who may do what: the API key everything, a session's token everything about it, its viewer's
-//! token only reads. Without an API key nobody is asked.
+//! Who may do what: the operator's API key everything, a tenant's what its scopes say about the
+//! tenant's sessions, a session's token everything about it, its viewer's token only reads. Where no
+//! API key is configured nobody is asked.
 //!
-//! Tokens are compared by their hashes, in a time that does not depend on where they differ. A
-//! stranger gets the same answer for a session that exists as for one that doesn't.
+//! Tokens are compared by their hashes, in a time that does not depend on where they differ.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
+use std::sync::Arc;
 
-use axum::extract::rejection::RawPathParamsRejection;
-use axum::extract::{MatchedPath, RawPathParams, Request, State};
-use axum::http::{HeaderMap, Method, header};
 use blake3::Hash;
-use governor::clock::{Clock, DefaultClock};
-use governor::{DefaultKeyedRateLimiter, Quota, RateLimiter};
+use governor::Quota;
+use tokio::sync::watch;
 
-use crate::config::AccessConfig;
-use crate::http::App;
+use crate::config::{AccessConfig, Scope};
+use crate::limit::Limit;
 use crate::problem::Problem;
 use crate::session::{Grant, Session, TokenHashes};
 
-/// Everything that is asked for a token lies under this path.
-const GUARDED: &str = "/v1/";
-
-/// Calls that only read although they are a POST.
-const READS_BY_POST: [&str; 1] = ["/v1/sessions/{id}/probes"];
-
-/// Requests between two looks for tokens whose rate needs no remembering any more.
-const SWEEP: u64 = 10_000;
+use super::failures::Failures;
+use super::keys::{Key, Keys, Owner};
+use super::rates::{Rates, whole_seconds};
 
 /// What decides who may do what.
 #[derive(Debug)]
 pub struct Access {
-    /// Hash of the API key; the server is open where there is none.
-    key: Option<Hash>,
-    rates: DefaultKeyedRateLimiter<[u8; 32]>,
-    checked: AtomicU64,
+    config: AccessConfig,
+    keys: watch::Sender<Arc<Keys>>,
+    rates: Rates<[u8; 32]>,
+    /// What happens to those who have no right token.
+    pub failures: Failures,
 }
 
 /// Who sent a request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub enum Caller {
     /// Anybody: the server is open.
     Anyone,
-    /// Who has the API key.
-    Operator,
+    /// Who has the operator's API key, by its hash.
+    Operator(Hash),
+    /// Who has a key of a tenant.
+    Tenant(Arc<Key>),
     /// Who has one of the session's tokens, by its hash.
     Holder(Hash, Grant),
 }
 
+/// Why nobody knows who sent a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stranger {
+    /// It has no token.
+    Missing,
+    /// Its token is nobody's.
+    Unknown,
+}
+
 impl Caller {
-    /// Whether it may change what it can read.
-    pub fn may_change(self) -> bool {
-        !matches!(self, Caller::Holder(_, Grant::Reads))
+    /// Whether it may do something, with the sessions that it reaches.
+    pub fn may(&self, scope: Scope) -> bool {
+        match self {
+            Caller::Anyone | Caller::Operator(_) => true,
+            Caller::Tenant(key) => key.key.scopes.allow(scope),
+            Caller::Holder(_, Grant::Everything) => scope != Scope::Admin,
+            Caller::Holder(_, Grant::Reads) => scope == Scope::Read,
+        }
+    }
+
+    /// The tenant that it creates sessions for.
+    pub fn tenant(&self) -> Option<&str> {
+        match self {
+            Caller::Tenant(key) => Some(&key.tenant),
+            Caller::Anyone | Caller::Operator(_) | Caller::Holder(..) => None,
+        }
+    }
+
+    /// The tenant whose sessions alone are there for it.
+    pub fn confined_to(&self) -> Option<&str> {
+        self.tenant().filter(|_| !self.may(Scope::Admin))
+    }
+
+    /// Whether a session is there for it.
+    pub fn reaches(&self, session: &Session) -> bool {
+        let owner = session.tenant.as_ref().map(|tenant| &*tenant.name);
+        self.confined_to().is_none_or(|tenant| owner == Some(tenant))
     }
 
     /// Whether it may stay where a session's tokens are now these.
-    pub fn is_known_to(self, tokens: &TokenHashes) -> bool {
+    pub fn is_known_to(&self, tokens: &TokenHashes) -> bool {
         match self {
-            Caller::Anyone | Caller::Operator => true,
-            Caller::Holder(token, grant) => tokens.grant(&token) == Some(grant),
+            Caller::Anyone | Caller::Operator(_) | Caller::Tenant(_) => true,
+            Caller::Holder(token, grant) => tokens.grant(token) == Some(*grant),
+        }
+    }
+
+    /// Whether it may stay where these are the API keys now.
+    pub fn is_among(&self, keys: &Keys) -> bool {
+        match self {
+            Caller::Anyone | Caller::Holder(..) => true,
+            Caller::Operator(key) => matches!(keys.owner(key), Some(Owner::Operator)),
+            Caller::Tenant(key) => keys.still_allow(key),
+        }
+    }
+
+    /// What the log calls it. The names of tenants and keys have no slash.
+    pub fn name(&self) -> String {
+        match self {
+            Caller::Anyone => "anyone".to_owned(),
+            Caller::Operator(_) => "operator".to_owned(),
+            Caller::Tenant(key) => format!("{}/{}", key.tenant, key.key.name),
+            Caller::Holder(_, Grant::Everything) => "session token".to_owned(),
+            Caller::Holder(_, Grant::Reads) => "viewer token".to_owned(),
         }
     }
 }
@@ -74,131 +121,157 @@ impl Access {
     /// What a configuration says.
     ///
     /// # Errors
-    /// Those of [`AccessConfig::key`].
+    /// Those of [`AccessConfig::key`] and [`AccessConfig::tenants`].
     pub fn new(config: &AccessConfig) -> Result<Access, String> {
-        Ok(Access {
-            key: config.key()?.map(|key| key.hash()),
-            rates: RateLimiter::keyed(Quota::per_second(config.requests_per_second)),
-            checked: AtomicU64::new(0),
-        })
+        let access = Access {
+            config: config.clone(),
+            keys: watch::Sender::default(),
+            rates: Rates::new(Quota::per_second(config.requests_per_second)),
+            failures: Failures::new(config.auth_failures_per_minute),
+        };
+        access.read_operator_key()?;
+        access.read_tenant_keys()?;
+        Ok(access)
+    }
+
+    /// Where keys are read from.
+    pub fn config(&self) -> &AccessConfig {
+        &self.config
+    }
+
+    /// Reads the operator's API key again; the present one holds where that fails.
+    ///
+    /// # Errors
+    /// Those of [`AccessConfig::key`], and where it is a tenant's too.
+    pub fn read_operator_key(&self) -> Result<(), String> {
+        let operator = self.config.key()?.map(|key| key.hash());
+        let keys = self.keys().with_operator(operator);
+        let keys = keys.map_err(|error| format!("--api-key-file: {error}"))?;
+        self.keys.send_replace(Arc::new(keys));
+        Ok(())
+    }
+
+    /// Reads the tenants' API keys again; the present ones hold where that fails.
+    ///
+    /// # Errors
+    /// Those of [`AccessConfig::tenants`], and where one is the operator's too.
+    pub fn read_tenant_keys(&self) -> Result<(), String> {
+        let tenants = self.config.tenants()?.unwrap_or_default();
+        let keys = self.keys().with_tenants(tenants);
+        let keys = keys.map_err(|error| format!("--api-keys-file: {error}"))?;
+        self.keys.send_replace(Arc::new(keys));
+        Ok(())
     }
 
     /// Whether nobody is asked for a token.
     pub fn is_open(&self) -> bool {
-        self.key.is_none()
+        self.config.is_open()
     }
 
-    /// Who presents a token for a session, or for the server where there is none; one request is
-    /// counted for it.
+    /// The API keys that are good now.
+    pub fn keys(&self) -> Arc<Keys> {
+        self.keys.borrow().clone()
+    }
+
+    /// The API keys, as they become.
+    pub fn key_changes(&self) -> watch::Receiver<Arc<Keys>> {
+        self.keys.subscribe()
+    }
+
+    /// Who presents a token for a session, or for the server where there is none.
     ///
     /// # Errors
-    /// 401 where the token is missing or unknown, 429 where it is used too often.
-    pub fn admit(&self, token: Option<&str>, session: Option<&Session>) -> Result<Caller, Problem> {
-        let Some(key) = &self.key else { return Ok(Caller::Anyone) };
-        let Some(token) = token else {
-            return Err(Problem::unauthorized(
-                "this takes a token, as in `Authorization: Bearer …`: the API key, or one of the \
-                 session's own",
-            ));
-        };
-        let token = blake3::hash(token.as_bytes());
-        let caller = if token == *key {
-            Some(Caller::Operator)
-        } else {
-            let grant = session.and_then(|session| session.tokens().grant(&token));
-            grant.map(|grant| Caller::Holder(token, grant))
-        };
-        let caller = caller.ok_or_else(|| {
-            Problem::unauthorized(
-                "the token is neither the API key nor one of this session's; creating and listing \
-                 sessions takes the API key",
-            )
-        })?;
-        self.count(token).map(|()| caller)
+    /// [`Stranger`] where the token is missing or unknown.
+    pub fn identify(
+        &self,
+        token: Option<&str>,
+        session: Option<&Session>,
+    ) -> Result<Caller, Stranger> {
+        if self.is_open() {
+            return Ok(Caller::Anyone);
+        }
+        let token = blake3::hash(token.ok_or(Stranger::Missing)?.as_bytes());
+        match self.keys().owner(&token) {
+            Some(Owner::Operator) => Ok(Caller::Operator(token)),
+            Some(Owner::Tenant(key)) => Ok(Caller::Tenant(key)),
+            None => {
+                let grant = session.and_then(|session| session.tokens().grant(&token));
+                grant.map(|grant| Caller::Holder(token, grant)).ok_or(Stranger::Unknown)
+            }
+        }
     }
 
-    fn count(&self, token: Hash) -> Result<(), Problem> {
-        if self.checked.fetch_add(1, Ordering::Relaxed) % SWEEP == SWEEP - 1 {
-            self.rates.retain_recent();
-        }
-        self.rates.check_key(token.as_bytes()).map_err(|early| {
-            let wait = early.wait_time_from(DefaultClock::default().now());
-            let detail = "this token is used for more requests than the server takes per second; \
-                          the operator can raise --requests-per-second";
-            Problem::too_many_requests(detail, whole_seconds(wait))
+    /// Counts a request of somebody, about a session where there is one.
+    ///
+    /// # Errors
+    /// 429 where there are too many of them.
+    pub fn count(&self, caller: &Caller, session: Option<&Session>) -> Result<(), Problem> {
+        let keys = self.keys();
+        let owner = session.and_then(|session| session.tenant.as_ref()).map(|tenant| &*tenant.name);
+        let (token, tenant) = match caller {
+            Caller::Anyone => return Ok(()),
+            Caller::Operator(token) => (*token, None),
+            Caller::Holder(token, _) => (*token, owner),
+            Caller::Tenant(key) => (key.key.hash, Some(&*key.tenant)),
+        };
+        let quota = tenant.and_then(|tenant| Some((tenant, keys.rates(tenant)?)));
+        let counted = match (quota, caller) {
+            // Whoever has two keys has no two rates.
+            (Some((tenant, rates)), Caller::Tenant(_)) => {
+                rates.count(blake3::hash(tenant.as_bytes()).as_bytes())
+            }
+            (Some((_, rates)), _) => rates.count(token.as_bytes()),
+            (None, _) => self.rates.count(token.as_bytes()),
+        };
+        counted.map_err(|wait| {
+            let detail = match quota {
+                Some((tenant, _)) => format!(
+                    "these are more requests than the quota `requests_per_second` of the tenant \
+                     '{tenant}' allows; the operator can raise it"
+                ),
+                None => "this token is used for more requests than the server takes per second; \
+                         the operator can raise --requests-per-second"
+                    .to_owned(),
+            };
+            let limit = if quota.is_some() { Limit::Quota } else { Limit::RequestsPerSecond };
+            Problem::too_many_requests(detail, whole_seconds(wait)).from_limit(limit)
         })
     }
 }
 
-/// Lets requests under `/v1/` through to their handlers where the caller may do what they ask for,
-/// and notes the [`Caller`] on them.
-///
-/// # Errors
-/// Those of [`Access::admit`]; 403 where the token is good, but only for reading.
-pub async fn authorize(
-    State(app): State<App>,
-    path: MatchedPath,
-    params: Result<RawPathParams, RawPathParamsRejection>,
-    mut request: Request,
-) -> Result<Request, Problem> {
-    if !path.as_str().starts_with(GUARDED) {
-        return Ok(request);
-    }
-    // A path that is no text names no session.
-    let named = params.iter().flatten().find(|(name, _)| *name == "id");
-    let session = named.map(|(_, id)| app.sessions.find(id)).transpose()?.flatten();
-    let caller = app.gate.access.admit(bearer(request.headers()), session.as_deref())?;
-    if changes(request.method(), path.as_str()) && !caller.may_change() {
-        return Err(Problem::forbidden("a viewer's token only allows reading and streaming"));
-    }
-    request.extensions_mut().insert(caller);
-    Ok(request)
-}
-
-fn changes(method: &Method, path: &str) -> bool {
-    !matches!(*method, Method::GET | Method::HEAD) && !READS_BY_POST.contains(&path)
-}
-
-/// The token in an `Authorization` header; none where there are several such headers.
-pub fn bearer(headers: &HeaderMap) -> Option<&str> {
-    let mut given = headers.get_all(header::AUTHORIZATION).iter();
-    let (Some(only), None) = (given.next(), given.next()) else { return None };
-    let (scheme, token) = only.to_str().ok()?.split_once(' ')?;
-    scheme.eq_ignore_ascii_case("bearer").then(|| token.trim_start())
-}
-
-/// A time as `Retry-After` tells it: rounded up, and never 0.
-fn whole_seconds(time: Duration) -> u32 {
-    (time.as_secs_f64().ceil() as u32).max(1)
-}
-
 #[cfg(test)]
 mod tests {
-    use axum::http::HeaderValue;
-
     use super::*;
 
-    fn headers(values: &[&str]) -> HeaderMap {
-        let name = header::AUTHORIZATION;
-        values.iter().map(|v| (name.clone(), HeaderValue::from_str(v).unwrap())).collect()
+    #[test]
+    fn the_keys_of_a_tenant_share_a_rate_whenever_they_are_read() {
+        const KEYS: [&str; 2] = ["one-key-of-the-tenant", "another-key-of-the-tenant"];
+        let entry = |key| format!("[[tenants.a.keys]]\nkey = \"{key}\"\nscopes = [\"read\"]\n");
+        let quotas = "[tenants.a.quotas]\nrequests_per_second = 1\n".to_owned();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), quotas + &KEYS.map(entry).concat()).unwrap();
+        let api_keys_file = Some(file.path().to_owned());
+        let access =
+            Access::new(&AccessConfig { api_keys_file, ..AccessConfig::default() }).unwrap();
+        let count = |key| {
+            let caller = access.identify(Some(key), None).unwrap();
+            access.count(&caller, None).map_err(|problem| problem.status)
+        };
+        assert_eq!([count(KEYS[0]), count(KEYS[1])], [Ok(()), Err(429)]);
+        access.read_tenant_keys().unwrap();
+        assert_eq!(count(KEYS[1]), Err(429), "reading the file again is no fresh start");
     }
 
     #[test]
-    fn a_token_stands_behind_its_scheme() {
-        assert_eq!(bearer(&headers(&["Bearer abc"])), Some("abc"));
-        assert_eq!(bearer(&headers(&["bearer  abc"])), Some("abc"));
-        for wrong in [&[][..], &["abc"], &["Basic abc"], &["Bearer"], &["Bearer a", "Bearer b"]] {
-            assert_eq!(bearer(&headers(wrong)), None, "{wrong:?}");
-        }
-    }
-
-    #[test]
-    fn only_reads_change_nothing() {
-        assert!(!changes(&Method::GET, "/v1/sessions/{id}/heights"));
-        assert!(!changes(&Method::HEAD, "/v1/sessions/{id}"));
-        assert!(!changes(&Method::POST, "/v1/sessions/{id}/probes"));
-        for method in [Method::POST, Method::PUT, Method::PATCH, Method::DELETE] {
-            assert!(changes(&method, "/v1/sessions/{id}"), "{method}");
-        }
+    fn a_key_is_one_persons() {
+        const KEY: &str = "the-same-key-twice";
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let entry = format!("[[tenants.a.keys]]\nkey = \"{KEY}\"\nscopes = [\"read\"]\n");
+        std::fs::write(file.path(), entry).unwrap();
+        let api_keys_file = Some(file.path().to_owned());
+        let api_key = Some(KEY.into());
+        let config = AccessConfig { api_key, api_keys_file, ..AccessConfig::default() };
+        let error = Access::new(&config).unwrap_err();
+        assert!(error.contains("'a'") && !error.contains(KEY), "{error}");
     }
 }

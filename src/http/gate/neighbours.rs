@@ -13,6 +13,7 @@ use tower_http::cors::CorsLayer;
 use crate::config::AccessConfig;
 use crate::http::{App, repeat};
 use crate::problem::Problem;
+use crate::quote::quote;
 
 /// The names that the server answers to, and the pages that may use it.
 #[derive(Debug, Default)]
@@ -82,8 +83,8 @@ pub async fn check_host(State(app): State<App>, request: Request) -> Result<Requ
         return Ok(request);
     }
     Err(Problem::misdirected(format!(
-        "this server does not go by the name '{}'; its operator can allow it by --allowed-host",
-        host.host()
+        "this server does not go by the name {}; its operator can allow it by --allowed-host",
+        quote(host.host())
     )))
 }
 

@@ -1,13 +1,13 @@
 //! The air's temperature.
 
-use axum::extract::State;
 use axum::response::Response;
+use firn_protocol::{AirTemperature, AirTemperatureReply};
 
 use crate::http::docs::{BodyProblems, SessionPath, SessionProblems};
-use crate::http::extract::{Json, Segments};
-use crate::http::state::App;
+use crate::http::extract::Json;
+use crate::http::target::Target;
 use crate::problem::Problem;
-use crate::session::{AirTemperature, AirTemperatureReply, Change};
+use crate::session::Change;
 
 /// Set the temperature of the air
 ///
@@ -26,10 +26,8 @@ use crate::session::{AirTemperature, AirTemperatureReply, Change};
     )
 )]
 pub async fn put(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Json(body): Json<AirTemperature>,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     Ok(super::applied(session.change(Change::AirTemperature(body)).await?))
 }

@@ -1,21 +1,25 @@
 //! The fixed grid, sampled from the snow.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
 use axum::extract::State;
 use axum::response::{IntoResponse, Response};
+use firn_protocol::Stamp;
+use firn_snow::{ColumnRect, Content, Sample};
 use serde::{Serialize, Serializer};
 use utoipa::{IntoParams, ToSchema};
 
+use crate::http::answers::carry_on;
 use crate::http::docs::{ParameterProblems, SessionPath, SessionProblems};
-use crate::http::extract::{FromQuery, Query, Segments};
+use crate::http::extract::{FromQuery, Query};
 use crate::http::query::Params;
 use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::Problem;
-use crate::session::{MOST_SAMPLES, Session, Stamp};
-use crate::snow::{ColumnRect, Content, Sample};
+use crate::quote::quote;
+use crate::session::{MOST_SAMPLES, Sampled, Session};
 
-use super::{off_thread, span, stamp_headers};
+use super::{json, span, stamp_headers};
 
 /// Which cells are asked for, and what of them.
 #[derive(Debug, IntoParams)]
@@ -41,7 +45,7 @@ pub struct CellsQuery {
     height: Option<u32>,
     /// Names of fields, separated by commas.
     #[param(value_type = Option<String>, default = "density,temperature")]
-    fields: Vec<Field>,
+    fields: BTreeSet<Field>,
 }
 
 /// A field of the fixed grid.
@@ -111,19 +115,19 @@ impl FromQuery for CellsQuery {
     }
 }
 
-fn fields(params: &mut Params) -> Vec<Field> {
+fn fields(params: &mut Params) -> BTreeSet<Field> {
     let text = params.text("fields").unwrap_or_else(|| "density,temperature".to_owned());
-    let mut fields = Vec::new();
+    let mut fields = BTreeSet::new();
     for name in text.split(',').filter(|name| !name.is_empty()) {
         match FIELDS.iter().find(|(known, _)| *known == name) {
-            Some((_, field)) => fields.push(*field),
+            Some((_, field)) => {
+                fields.insert(*field);
+            }
             None => {
                 let known: Vec<&str> = FIELDS.iter().map(|(name, _)| *name).collect();
-                let shown: String = name.chars().take(40).collect();
-                params.reject(
-                    "fields",
-                    format!("'{shown}' is no field; known are {}", known.join(", ")),
-                );
+                let shown = quote(name);
+                let known = known.join(", ");
+                params.reject("fields", format!("{shown} is no field; known are {known}"));
             }
         }
     }
@@ -132,7 +136,7 @@ fn fields(params: &mut Params) -> Vec<Field> {
 
 /// A box of the fixed grid. Arrays have x fastest, then y, then z.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct CellsView {
+pub struct CellsView<'a> {
     /// When this holds.
     #[serde(flatten)]
     stamp: Stamp,
@@ -146,10 +150,10 @@ pub struct CellsView {
     height: u32,
     /// What each cell holds.
     #[schema(value_type = Vec<ContentName>)]
-    content: Contents,
+    content: Contents<'a>,
     /// The fields asked for, by their names; `null` outside the snow.
-    #[schema(value_type = BTreeMap<String, Vec<Option<f32>>>)]
-    fields: BTreeMap<Field, Vec<Option<f32>>>,
+    #[schema(value_type = std::collections::BTreeMap<String, Vec<Option<f32>>>)]
+    fields: Fields<'a>,
 }
 
 /// A cell of the fixed grid.
@@ -177,9 +181,9 @@ pub enum ContentName {
 
 /// What cells hold, named as they are written.
 #[derive(Debug)]
-struct Contents(Vec<Sample>);
+struct Contents<'a>(&'a [Sample]);
 
-impl Serialize for Contents {
+impl Serialize for Contents<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq(self.0.iter().map(|sample| match sample.content() {
             Content::Air => ContentName::Air,
@@ -188,6 +192,38 @@ impl Serialize for Contents {
         }))
     }
 }
+
+/// Some fields of cells, by their names.
+#[derive(Debug)]
+struct Fields<'a> {
+    names: &'a BTreeSet<Field>,
+    cells: &'a [Sample],
+}
+
+impl Serialize for Fields<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let values = |&field: &Field| (field, Values { field, cells: self.cells });
+        serializer.collect_map(self.names.iter().map(values))
+    }
+}
+
+/// One field of cells.
+struct Values<'a> {
+    field: Field,
+    cells: &'a [Sample],
+}
+
+impl Serialize for Values<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let snow = |cell: &Sample| cell.content() == Content::Snow;
+        serializer.collect_seq(self.cells.iter().map(|c| snow(c).then(|| self.field.of(c))))
+    }
+}
+
+/// Memory that an answer takes for each cell while it is made \[bytes\]: the sample and the name of what
+/// it holds, and the longest number there is for each field.
+const BYTES_PER_CELL: u64 = 52;
+const BYTES_PER_VALUE: u64 = 14;
 
 /// Read the fixed grid
 ///
@@ -209,29 +245,31 @@ impl Serialize for Contents {
 )]
 pub async fn get(
     State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Query(query): Query<CellsQuery>,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     let (columns, y0, height) = window(&query, &session)?;
-    let sampled = session.sample(columns, y0, height).await?;
-    let answer = move || {
-        let values = |field: Field| -> Vec<Option<f32>> {
-            let snow = |sample: &Sample| sample.content() == Content::Snow;
-            sampled.cells.iter().map(|s| snow(s).then(|| field.of(s))).collect()
+    let cells = columns.columns() * u64::from(height);
+    let bytes_per_cell = BYTES_PER_CELL + BYTES_PER_VALUE * query.fields.len() as u64;
+    let leave = app.answers.admit_found(&session, cells * bytes_per_cell).await?;
+    carry_on(async move {
+        let Sampled { stamp, cells } = session.sample(columns, y0, height).await?;
+        let answer = move || {
+            let view = CellsView {
+                stamp,
+                origin: CellOrigin { column_x: columns.x0, column_z: columns.z0, cell_y: y0 },
+                width: columns.x1 - columns.x0,
+                depth: columns.z1 - columns.z0,
+                height,
+                content: Contents(&cells),
+                fields: Fields { names: &query.fields, cells: &cells },
+            };
+            let json = json(&view, cells.len() * bytes_per_cell as usize)?;
+            Ok((stamp_headers(stamp), json).into_response())
         };
-        let view = CellsView {
-            stamp: sampled.stamp,
-            origin: CellOrigin { column_x: columns.x0, column_z: columns.z0, cell_y: y0 },
-            width: columns.x1 - columns.x0,
-            depth: columns.z1 - columns.z0,
-            height,
-            fields: query.fields.iter().map(|&field| (field, values(field))).collect(),
-            content: Contents(sampled.cells),
-        };
-        (stamp_headers(view.stamp), axum::Json(view)).into_response()
-    };
-    off_thread(answer).await
+        leave.make(answer).await
+    })
+    .await
 }
 
 /// The box that is asked for: its columns, its first cell along y and how many there are.

@@ -1,14 +1,14 @@
 //! Clearings: a plough.
 
-use axum::extract::State;
 use axum::response::Response;
+use firn_protocol::{Clearing, ClearingReply};
 
 use crate::http::docs::{BodyProblems, SessionPath, SessionProblems};
-use crate::http::extract::{Json, Segments};
+use crate::http::extract::Json;
 use crate::http::repeat::Keyed;
-use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::Problem;
-use crate::session::{Change, Clearing, ClearingReply};
+use crate::session::Change;
 
 /// Clear snow
 ///
@@ -27,11 +27,9 @@ use crate::session::{Change, Clearing, ClearingReply};
     )
 )]
 pub async fn create(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Keyed(once): Keyed,
     Json(body): Json<Clearing>,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     Ok(super::applied(session.change_once(Change::Clearing(body), once).await?))
 }

@@ -1,9 +1,11 @@
 //! Colliders: objects that stand on the snow.
 
 use axum::Json as Answer;
-use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use firn_protocol::{
+    ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView, Stamp,
+};
 use serde::Serialize;
 use utoipa::ToSchema;
 
@@ -13,12 +15,10 @@ use crate::http::docs::{
 use crate::http::extract::{Json, Query, Segments};
 use crate::http::page::{Page, PageQuery};
 use crate::http::repeat::Keyed;
-use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::Problem;
-use crate::session::{
-    Applied, Change, ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView,
-    Session, SessionError, Stamp,
-};
+use crate::quote::quote;
+use crate::session::{Applied, Change, Session, SessionError};
 
 use super::stamp_headers;
 
@@ -53,12 +53,10 @@ pub struct ColliderPage {
     )
 )]
 pub async fn create(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Keyed(once): Keyed,
     Json(spec): Json<ColliderSpec>,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     Ok(answer(&session, session.change_once(Change::CreateCollider(spec), once).await?))
 }
 
@@ -78,11 +76,9 @@ pub async fn create(
     )
 )]
 pub async fn list(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Query(query): Query<PageQuery>,
 ) -> Result<Answer<ColliderPage>, Problem> {
-    let session = app.sessions.get(&id)?;
     let (stamp, all) = published(&session);
     let first = query
         .cursor
@@ -110,12 +106,10 @@ pub async fn list(
     )
 )]
 pub async fn batch(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Keyed(once): Keyed,
     Json(batch): Json<ColliderBatch>,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     Ok(super::applied(session.change_once(Change::Colliders(batch), once).await?))
 }
 
@@ -129,17 +123,16 @@ pub async fn batch(
     responses((status = 200, description = "The collider", body = ColliderReply), SessionProblems)
 )]
 pub async fn get(
-    State(app): State<App>,
-    Segments((id, cid)): Segments<(String, String)>,
+    Target(session): Target,
+    Segments((_id, cid)): Segments<(String, String)>,
 ) -> Result<Answer<ColliderReply>, Problem> {
-    let session = app.sessions.get(&id)?;
     let (stamp, all) = published(&session);
     let collider = all
         .iter()
         .find(|collider| collider.id == cid)
         .cloned()
         .ok_or(SessionError::NotFound { kind: "collider", id: cid })?;
-    Ok(Answer(ColliderReply { stamp, collider, created: false }))
+    Ok(Answer(ColliderReply { stamp, collider }))
 }
 
 /// Create or replace a collider
@@ -161,13 +154,13 @@ pub async fn get(
     )
 )]
 pub async fn put(
-    State(app): State<App>,
-    Segments((id, cid)): Segments<(String, String)>,
+    Target(session): Target,
+    Segments((_id, cid)): Segments<(String, String)>,
     Json(spec): Json<ColliderSpec>,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     if let Some(named) = spec.id.as_ref().filter(|&named| *named != cid) {
-        let detail = format!("'{named}' is not the '{cid}' of the path; leave it out");
+        let (named, path) = (quote(named), quote(&cid));
+        let detail = format!("{named} is not the {path} of the path; leave it out");
         return Err(Problem::invalid_field("/id", detail));
     }
     let spec = ColliderSpec { id: Some(cid), ..spec };
@@ -191,11 +184,10 @@ pub async fn put(
     )
 )]
 pub async fn patch(
-    State(app): State<App>,
-    Segments((id, cid)): Segments<(String, String)>,
+    Target(session): Target,
+    Segments((_id, cid)): Segments<(String, String)>,
     Json(patch): Json<ColliderPatch>,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     Ok(answer(&session, session.change(Change::PatchCollider { id: cid, patch }).await?))
 }
 
@@ -215,10 +207,9 @@ pub async fn patch(
     )
 )]
 pub async fn delete(
-    State(app): State<App>,
-    Segments((id, cid)): Segments<(String, String)>,
+    Target(session): Target,
+    Segments((_id, cid)): Segments<(String, String)>,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     let applied = session.change(Change::DeleteCollider { id: cid }).await?;
     let stamp = match applied {
         Applied::Stamp(stamp) => stamp,
@@ -236,7 +227,7 @@ fn published(session: &Session) -> (Stamp, std::sync::Arc<[ColliderView]>) {
 /// 201 with its location for a collider that is new, 200 for one that was there.
 fn answer(session: &Session, applied: Applied) -> Response {
     match applied {
-        Applied::Collider(reply) if reply.created => {
+        Applied::Collider { reply, created: true } => {
             let location = format!("/v1/sessions/{}/colliders/{}", session.id, reply.collider.id);
             let headers = [(header::LOCATION, location)];
             (StatusCode::CREATED, headers, Answer(reply)).into_response()

@@ -1,13 +1,13 @@
 //! Single columns, cell by cell.
 
 use axum::Json as Answer;
-use axum::extract::State;
+use firn_protocol::ColumnView;
 
 use crate::http::docs::{ParameterProblems, SessionProblems};
 use crate::http::extract::Segments;
-use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::{FieldError, Problem};
-use crate::session::ColumnView;
+use crate::quote::quote;
 
 /// Read a column
 ///
@@ -29,10 +29,9 @@ use crate::session::ColumnView;
     )
 )]
 pub async fn get(
-    State(app): State<App>,
-    Segments((id, x, z)): Segments<(String, String, String)>,
+    Target(session): Target,
+    Segments((_id, x, z)): Segments<(String, String, String)>,
 ) -> Result<Answer<ColumnView>, Problem> {
-    let session = app.sessions.get(&id)?;
     let mut errors = Vec::new();
     let x = index("column_x", &x, &mut errors);
     let z = index("column_z", &z, &mut errors);
@@ -44,11 +43,8 @@ pub async fn get(
 
 fn index(name: &str, text: &str, errors: &mut Vec<FieldError>) -> u32 {
     text.parse().unwrap_or_else(|_| {
-        let shown: String = text.chars().take(40).collect();
-        errors.push(FieldError {
-            pointer: name.to_owned(),
-            detail: format!("expected a whole number, not negative, found '{shown}'"),
-        });
+        let detail = format!("expected a whole number, not negative, found {}", quote(text));
+        errors.push(FieldError { pointer: name.to_owned(), detail });
         0
     })
 }

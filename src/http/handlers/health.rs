@@ -7,6 +7,8 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::http::state::App;
+use crate::problem::Problem;
+use crate::session::StoreState;
 
 /// Answer to `GET /livez`.
 #[derive(Debug, Serialize, ToSchema)]
@@ -26,6 +28,8 @@ pub struct Readiness {
     backend: String,
     /// Whether clients are asked for tokens.
     auth: Auth,
+    /// How what sessions are kept in is doing.
+    store: StoreStatus,
     /// Sessions there are.
     sessions: usize,
     /// Most sessions there may be.
@@ -45,6 +49,32 @@ pub enum Auth {
     Required,
 }
 
+/// How what sessions are kept in is doing.
+#[derive(Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StoreStatus {
+    /// Nothing is wrong with it.
+    Sound,
+    /// It was damaged when the server started: sessions may be missing, and those that came back are
+    /// locked.
+    Damaged,
+    /// It can't be written to: changes are refused until it can.
+    Failing,
+    /// The data directory is not where it was: changes are refused.
+    Gone,
+}
+
+impl From<StoreState> for StoreStatus {
+    fn from(state: StoreState) -> StoreStatus {
+        match state {
+            StoreState::Sound => StoreStatus::Sound,
+            StoreState::Damaged => StoreStatus::Damaged,
+            StoreState::Failing => StoreStatus::Failing,
+            StoreState::Gone => StoreStatus::Gone,
+        }
+    }
+}
+
 /// Whether requests are served.
 #[derive(Debug, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -55,7 +85,9 @@ pub enum ReadyStatus {
     Recovering,
     /// The server is stopping.
     Draining,
-    /// The engine has failed; only a restart helps.
+    /// What there is can be read, and changes are refused: the data directory is gone.
+    ReadOnly,
+    /// The engine has failed, and is being started anew, or the server ends.
     Failed,
 }
 
@@ -65,10 +97,17 @@ pub enum ReadyStatus {
     path = "/livez",
     operation_id = "livez",
     tag = "operations",
-    responses((status = 200, description = "It is", body = Alive))
+    responses(
+        (status = 200, description = "It is", body = Alive),
+        (status = 503, description = "The engine has failed for good, and the server is about to end",
+            body = Problem, content_type = "application/problem+json")
+    )
 )]
-pub async fn livez() -> Answer<Alive> {
-    Answer(Alive { status: "alive" })
+pub async fn livez(State(app): State<App>) -> Result<Answer<Alive>, Problem> {
+    if app.sessions.vitals().gave_up() {
+        return Err(Problem::unavailable("the engine has failed for good: only a restart helps"));
+    }
+    Ok(Answer(Alive { status: "alive" }))
 }
 
 /// Is the server ready?
@@ -81,17 +120,20 @@ pub async fn livez() -> Answer<Alive> {
     tag = "operations",
     responses(
         (status = 200, description = "It is", body = Readiness),
-        (status = 503, description = "It is bringing sessions back or stopping, or its engine has failed",
-            body = Readiness)
+        (status = 503, description = "It is bringing sessions back or stopping, its engine has failed, or \
+            its data directory is gone", body = Readiness)
     )
 )]
 pub async fn readyz(State(app): State<App>) -> (StatusCode, Answer<Readiness>) {
+    let store = StoreStatus::from(app.sessions.vitals().store.state());
     let status = if !app.sessions.vitals().is_healthy() {
         ReadyStatus::Failed
     } else if app.draining.is_cancelled() {
         ReadyStatus::Draining
     } else if !app.sessions.vitals().is_recovered() {
         ReadyStatus::Recovering
+    } else if store == StoreStatus::Gone {
+        ReadyStatus::ReadOnly
     } else {
         ReadyStatus::Ready
     };
@@ -102,6 +144,7 @@ pub async fn readyz(State(app): State<App>) -> (StatusCode, Answer<Readiness>) {
         status,
         adapter: device.adapter.clone(),
         backend: device.backend.clone(),
+        store,
         auth: if app.gate.access.is_open() { Auth::Open } else { Auth::Required },
         sessions,
         capacity,

@@ -1,17 +1,17 @@
 //! The snow depth at a point.
 
 use axum::Json as Answer;
-use axum::extract::State;
+use firn_protocol::Stamp;
+use firn_snow::Grid;
 use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
 use crate::http::docs::{ParameterProblems, SessionPath, SessionProblems};
-use crate::http::extract::{FromQuery, Query, Segments};
+use crate::http::extract::{FromQuery, Query};
 use crate::http::query::Params;
-use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::{FieldError, Problem};
-use crate::session::{Mirror, Stamp};
-use crate::snow::Grid;
+use crate::session::Mirror;
 
 /// A point in metres.
 #[derive(Debug, IntoParams)]
@@ -59,11 +59,9 @@ pub struct HeightView {
     )
 )]
 pub async fn get(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Query(point): Query<PointQuery>,
 ) -> Result<Answer<HeightView>, Problem> {
-    let session = app.sessions.get(&id)?;
     let grid = session.spec.grid;
     let mut errors = Vec::new();
     for (name, at, columns) in [("x", point.x, grid.width), ("z", point.z, grid.depth)] {

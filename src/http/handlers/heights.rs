@@ -6,20 +6,23 @@ mod window;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::Serialize;
+use firn_protocol::Stamp;
+use firn_snow::Grid;
+use serde::{Serialize, Serializer};
 use utoipa::{IntoParams, ToSchema};
 
 use crate::http::accept;
 use crate::http::docs::{Held, ParameterProblems, SessionPath, SessionProblems};
 use crate::http::etag;
-use crate::http::extract::{FromQuery, Query, Segments};
+use crate::http::extract::{FromQuery, Query};
 use crate::http::query::Params;
 use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::Problem;
-use crate::session::{Session, Stamp};
+use crate::session::Session;
 
 use self::window::Window;
-use super::{off_thread, stamp_headers};
+use super::{json, stamp_headers};
 
 const JSON: &str = "application/json";
 const FLOATS: &str = "application/octet-stream";
@@ -28,9 +31,6 @@ const NPY: &str = "application/x-npy";
 
 /// What heights exist as; the first is the default.
 const MEDIA_TYPES: [&str; 4] = [JSON, FLOATS, PNG, NPY];
-
-/// Samples beyond which an answer is made off the threads that serve requests.
-const MANY_SAMPLES: u64 = 1 << 14;
 
 /// Which columns are asked for.
 #[derive(Debug, IntoParams)]
@@ -90,7 +90,8 @@ pub struct HeightsView {
     /// Side of a column \[m\].
     cell_size: f64,
     /// Snow depths \[m\], row by row: index = z · width + x.
-    heights: Vec<f64>,
+    #[schema(value_type = Vec<f64>)]
+    heights: Heights,
 }
 
 /// A column.
@@ -160,11 +161,10 @@ pub struct NumpyArray(Vec<u8>);
 )]
 pub async fn get(
     State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Query(query): Query<HeightsQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     let media_type = accept::choose(&headers, &MEDIA_TYPES).ok_or_else(|| {
         Problem::not_acceptable(format!("heights exist as {}", MEDIA_TYPES.join(", ")))
     })?;
@@ -181,10 +181,8 @@ pub async fn get(
             );
         }
     }
-    if read.window.samples() <= MANY_SAMPLES {
-        return read.answer(&session);
-    }
-    off_thread(move || read.answer(&session)).await?
+    let leave = app.answers.admit(read.window.samples() * read.bytes_per_sample()).await?;
+    leave.make(move || read.answer(&session)).await
 }
 
 /// What a client reads, and as what.
@@ -211,6 +209,18 @@ impl Read {
         )
     }
 
+    /// Memory that making the answer takes for a sample: its thickness, its elevation, and what is
+    /// written, with room for it to grow.
+    fn bytes_per_sample(&self) -> u64 {
+        let ground = if self.surface { 8 } else { 0 };
+        let written = match self.media_type {
+            FLOATS | NPY => 4,
+            PNG => 6,
+            _ => encode::LONGEST_NUMBER as u64,
+        };
+        4 + ground + written
+    }
+
     fn answer(&self, session: &Session) -> Result<Response, Problem> {
         let grid = session.spec.grid;
         let (stamp, version, quanta) = {
@@ -218,31 +228,59 @@ impl Read {
             let version = self.window.version(&mirror);
             (mirror.stamp_at(session.frame()), version, self.window.copy(&mirror))
         };
-        let mut heights: Vec<f64> = quanta.iter().map(|&q| grid.metres(u64::from(q))).collect();
         let terrain = session.spec.terrain.as_ref().filter(|_| self.surface);
-        if let Some(terrain) = terrain {
-            let ground = self.window.ground(&terrain.heights, &grid);
-            heights.iter_mut().zip(ground).for_each(|(height, ground)| *height += ground);
-        }
+        let ground = terrain.map(|terrain| self.window.ground(&terrain.heights, &grid).collect());
+        let heights = Heights { grid, quanta, ground };
         let headers = (stamp_headers(stamp), validators(self.tag(session, version)));
         let kind = [(header::CONTENT_TYPE, HeaderValue::from_static(self.media_type))];
         let (width, depth) = (self.window.width, self.window.depth);
         Ok(match self.media_type {
-            FLOATS => (headers, kind, encode::floats(&heights)).into_response(),
-            NPY => (headers, kind, encode::npy(&heights, width, depth)).into_response(),
+            FLOATS => (headers, kind, encode::floats(&heights)?).into_response(),
+            NPY => (headers, kind, encode::npy(&heights, width, depth)?).into_response(),
             PNG => {
                 let grey = encode::Grey::new(&grid, terrain);
                 let image = encode::png(&heights, width, depth, grey)
                     .map_err(|_| Problem::internal("the image can't be written"))?;
                 (headers, kind, grey.headers(), image).into_response()
             }
-            _ => (headers, axum::Json(self.view(stamp, grid.cell_size, heights))).into_response(),
+            _ => {
+                let bytes = heights.quanta.len() * encode::LONGEST_NUMBER;
+                let view = self.view(stamp, grid.cell_size, heights);
+                (headers, json(&view, bytes)?).into_response()
+            }
         })
     }
 
-    fn view(&self, stamp: Stamp, cell_size: f64, heights: Vec<f64>) -> HeightsView {
+    fn view(&self, stamp: Stamp, cell_size: f64, heights: Heights) -> HeightsView {
         let Window { origin, width, depth, stride } = self.window;
         HeightsView { stamp, origin, width, depth, stride, cell_size, heights }
+    }
+}
+
+/// Snow depths, or elevations of the surface, as they were copied out of the mirror.
+#[derive(Debug)]
+struct Heights {
+    grid: Grid,
+    /// Thicknesses, in quanta.
+    quanta: Vec<u32>,
+    /// Elevations of the ground under them \[m\]; none for depths.
+    ground: Option<Vec<f64>>,
+}
+
+impl Heights {
+    /// Each of them \[m\].
+    fn metres(&self) -> impl Iterator<Item = f64> {
+        let ground = |i: usize| self.ground.as_ref().map_or(0.0, |ground| ground[i]);
+        self.quanta
+            .iter()
+            .enumerate()
+            .map(move |(i, &quanta)| self.grid.metres(u64::from(quanta)) + ground(i))
+    }
+}
+
+impl Serialize for Heights {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.metres())
     }
 }
 

@@ -1,13 +1,11 @@
 //! The mass ledger.
 
 use axum::Json as Answer;
-use axum::extract::State;
+use firn_protocol::MassView;
 
 use crate::http::docs::{SessionPath, SessionProblems};
-use crate::http::extract::Segments;
-use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::Problem;
-use crate::session::MassView;
 
 /// Read the mass ledger
 ///
@@ -20,9 +18,6 @@ use crate::session::MassView;
     params(SessionPath),
     responses((status = 200, description = "The ledger", body = MassView), SessionProblems)
 )]
-pub async fn get(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
-) -> Result<Answer<MassView>, Problem> {
-    Ok(Answer(app.sessions.get(&id)?.mass().await?))
+pub async fn get(Target(session): Target) -> Result<Answer<MassView>, Problem> {
+    Ok(Answer(session.mass().await?))
 }

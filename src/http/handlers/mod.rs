@@ -10,7 +10,6 @@ pub mod height;
 pub mod heights;
 pub mod mass;
 pub mod metrics;
-pub mod openapi;
 pub mod probes;
 pub mod profile;
 pub mod render;
@@ -18,12 +17,16 @@ pub mod sessions;
 pub mod snapshots;
 pub mod snowfalls;
 pub mod tokens;
+pub mod unlock;
+pub mod usage;
 
-use axum::http::{HeaderName, HeaderValue};
+use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
+use firn_protocol::Stamp;
+use serde::Serialize;
 
 use crate::problem::{FieldError, Problem};
-use crate::session::{Applied, Stamp};
+use crate::session::Applied;
 
 /// The headers that date an answer: the tick, and the number of the newest published change.
 fn stamp_headers(stamp: Stamp) -> [(HeaderName, HeaderValue); 2] {
@@ -66,11 +69,27 @@ fn applied(applied: Applied) -> Response {
     axum::Json(applied).into_response()
 }
 
-/// Does work that takes a while off the threads that serve everybody.
-async fn off_thread<T: Send + 'static>(
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Result<T, Problem> {
-    tokio::task::spawn_blocking(work)
-        .await
-        .map_err(|_| Problem::internal("making the answer failed"))
+/// A body with its media type.
+type JsonBody = ([(HeaderName, HeaderValue); 1], Vec<u8>);
+
+/// A JSON body that has about so many bytes.
+///
+/// # Errors
+/// 507 where there is no memory for it.
+fn json(value: &impl Serialize, bytes: usize) -> Result<JsonBody, Problem> {
+    let mut body = reserved(bytes)?;
+    serde_json::to_writer(&mut body, value)
+        .map_err(|error| Problem::internal(format!("the answer can't be written: {error}")))?;
+    Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))], body))
+}
+
+/// Room for so many bytes.
+///
+/// # Errors
+/// 507 where there is no memory for them.
+fn reserved(bytes: usize) -> Result<Vec<u8>, Problem> {
+    let mut room = Vec::new();
+    let no_memory = |_| Problem::no_memory("there is no memory for an answer of this length");
+    room.try_reserve_exact(bytes).map_err(no_memory)?;
+    Ok(room)
 }

@@ -1,13 +1,12 @@
 //! Probes: how deep something would sink.
 
 use axum::Json as Answer;
-use axum::extract::State;
+use firn_protocol::{ProbeBatch, ProbeReply};
 
 use crate::http::docs::{BodyProblems, SessionPath, SessionProblems};
-use crate::http::extract::{Json, Segments};
-use crate::http::state::App;
+use crate::http::extract::Json;
+use crate::http::target::Target;
 use crate::problem::Problem;
-use crate::session::{ProbeBatch, ProbeReply};
 
 /// Probe the snow
 ///
@@ -29,10 +28,8 @@ use crate::session::{ProbeBatch, ProbeReply};
     )
 )]
 pub async fn create(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Json(batch): Json<ProbeBatch>,
 ) -> Result<Answer<ProbeReply>, Problem> {
-    let session = app.sessions.get(&id)?;
     Ok(Answer(session.probe(batch).await?))
 }

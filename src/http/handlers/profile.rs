@@ -6,13 +6,18 @@ use axum::response::{IntoResponse, Response};
 use utoipa::{IntoParams, ToSchema};
 
 use crate::diagram;
+use crate::http::answers::carry_on;
 use crate::http::docs::{ParameterProblems, SessionPath, SessionProblems};
-use crate::http::extract::{FromQuery, Query, Segments};
+use crate::http::extract::{FromQuery, Query};
 use crate::http::query::Params;
 use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::{FieldError, Problem};
 
-use super::{off_thread, stamp_headers};
+use super::stamp_headers;
+
+/// Memory that the diagrams of a column of 255 cells take while they are drawn \[bytes\].
+const DRAWING: u64 = 1 << 20;
 
 /// Which column is drawn.
 #[derive(Debug, IntoParams)]
@@ -63,10 +68,9 @@ pub struct Svg(String);
 )]
 pub async fn get(
     State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Query(query): Query<ProfileQuery>,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     let grid = session.spec.grid;
     let mut errors = Vec::new();
     let mut within = |name: &str, column: Option<u32>, columns: u32| {
@@ -82,11 +86,18 @@ pub async fn get(
     if !errors.is_empty() {
         return Err(Problem::invalid(errors));
     }
-    let column = session.column(x, z).await?;
-    let material = session.mirror().material;
-    let stamp = column.stamp;
-    let title = format!("Column {x}/{z} of '{}' at tick {}", session.id, stamp.tick);
-    let svg = off_thread(move || diagram::draw(&diagram::profile(&title, &column, &material)));
-    let headers = (stamp_headers(stamp), [(header::CONTENT_TYPE, "image/svg+xml")]);
-    Ok((headers, svg.await??).into_response())
+    let leave = app.answers.admit_found(&session, DRAWING).await?;
+    carry_on(async move {
+        let column = session.column(x, z).await?;
+        let material = session.mirror().material;
+        let stamp = column.stamp;
+        let title = format!("Column {x}/{z} of '{}' at tick {}", session.id, stamp.tick);
+        let answer = move || {
+            let svg = diagram::draw(&diagram::profile(&title, &column, &material))?;
+            let headers = (stamp_headers(stamp), [(header::CONTENT_TYPE, "image/svg+xml")]);
+            Ok((headers, svg).into_response())
+        };
+        leave.make(answer).await
+    })
+    .await
 }

@@ -5,16 +5,19 @@ mod query;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use firn_protocol::Stamp;
+use firn_snow::ColumnRect;
 use utoipa::ToSchema;
 
+use crate::http::answers::carry_on;
 use crate::http::docs::{Held, ParameterProblems, SessionPath, SessionProblems};
 use crate::http::etag;
-use crate::http::extract::{Query, Segments};
+use crate::http::extract::Query;
 use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::Problem;
-use crate::render::{self, Field, Snow, View};
-use crate::session::{MOST_SAMPLES, Session, Stamp};
-use crate::snow::ColumnRect;
+use crate::render::{self, Field, Picture, Snow, View};
+use crate::session::{MOST_SAMPLES, Session};
 
 use self::query::RenderQuery;
 use super::stamp_headers;
@@ -63,25 +66,62 @@ pub struct PngImage(Vec<u8>);
 )]
 pub async fn get(
     State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Query(query): Query<RenderQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     let region = query.region(&session)?;
-    let asked = blake3::hash(format!("{query:?}").as_bytes()).to_hex();
-    let tag = |stamp: Stamp| format!("W/\"{}-{}-{}\"", session.epoch, stamp.seq, &asked[..16]);
     if headers.contains_key(header::IF_NONE_MATCH) {
         let stamp = session.mirror().stamp_at(session.frame());
-        if etag::is_held(&headers, &tag(stamp)) {
-            let headers = (stamp_headers(stamp), validators(tag(stamp)));
+        let tag = tag(&session, &query, stamp);
+        if etag::is_held(&headers, &tag) {
+            let headers = (stamp_headers(stamp), validators(tag));
             return Ok((StatusCode::NOT_MODIFIED, headers).into_response());
         }
     }
-    let (stamp, snow) = read(&session, &query, region).await?;
-    let picture = render::draw(&app.renderer, query.picture, snow).await?;
-    let kind = [(header::CONTENT_TYPE, HeaderValue::from_static("image/png"))];
-    Ok((stamp_headers(stamp), validators(tag(stamp)), kind, picture).into_response())
+    let mut leave = app.answers.admit_found(&session, bytes(&session, &query, region)?).await?;
+    carry_on(async move {
+        let (stamp, snow) = read(&session, &query, region).await?;
+        let tag = tag(&session, &query, stamp);
+        let turn = leave.turn().await?;
+        let picture =
+            render::draw(&app.renderer, &app.answers.threads, query.picture, snow).await?;
+        drop(turn);
+        let kind = [(header::CONTENT_TYPE, HeaderValue::from_static("image/png"))];
+        let headers = (stamp_headers(stamp), validators(tag), kind);
+        Ok(leave.take((headers, picture).into_response()).await)
+    })
+    .await
+}
+
+/// The weak ETag of a picture.
+fn tag(session: &Session, query: &RenderQuery, stamp: Stamp) -> String {
+    let asked = blake3::hash(format!("{query:?}").as_bytes()).to_hex();
+    format!("W/\"{}-{}-{}\"", session.epoch, stamp.seq, &asked[..16])
+}
+
+/// Memory that a picture takes while it is drawn \[bytes\]: for each cell that is shown the sample and
+/// the boxes made of it, for each pixel its colour and depth on the device, and its colour as it is read,
+/// written on and encoded.
+const BYTES_PER_CELL: u64 = 128;
+const BYTES_PER_PIXEL: u64 = 20;
+
+/// Memory that a picture of some columns takes while it is drawn.
+///
+/// # Errors
+/// 413 where it would show too many cells.
+fn bytes(session: &Session, query: &RenderQuery, region: ColumnRect) -> Result<u64, Problem> {
+    let shows_depths = shows_depths(&query.picture);
+    let height = if shows_depths { 1 } else { u64::from(session.sampled_height()) };
+    let cells = region.columns() * height;
+    check(cells)?;
+    let pixels = u64::from(query.picture.width) * u64::from(query.picture.height);
+    Ok(cells * BYTES_PER_CELL + pixels * BYTES_PER_PIXEL)
+}
+
+/// Whether elevations of the surface are all that a picture shows.
+fn shows_depths(picture: &Picture) -> bool {
+    picture.view == View::Surface && picture.field == Field::Position
 }
 
 /// What the picture is made from.
@@ -91,9 +131,8 @@ async fn read(
     region: ColumnRect,
 ) -> Result<(Stamp, Snow), Problem> {
     let spec = &session.spec;
-    // Elevations of the surface are all that this shows, and they are at hand.
-    if query.picture.view == View::Surface && query.picture.field == Field::Position {
-        check(region.columns())?;
+    // These are at hand.
+    if shows_depths(&query.picture) {
         let mirror = session.mirror();
         let metres = |(x, z)| spec.grid.metres(u64::from(mirror.height(x, z))) as f32;
         let places =
@@ -102,9 +141,7 @@ async fn read(
         let snow = Snow::from_depths(spec, region, depths, &mirror.colliders);
         return Ok((mirror.stamp_at(session.frame()), snow));
     }
-    let height = session.sampled_height();
-    check(region.columns() * u64::from(height))?;
-    let sampled = session.sample(region, 0, height).await?;
+    let sampled = session.sample(region, 0, session.sampled_height()).await?;
     let colliders = session.mirror().colliders.clone();
     Ok((sampled.stamp, Snow::from_cells(spec, region, sampled.cells, &colliders)))
 }

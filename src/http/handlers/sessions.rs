@@ -1,30 +1,34 @@
 //! Sessions: creating, listing, changing, stepping and deleting them.
 
+use axum::Extension;
 use axum::Json as Answer;
 use axum::extract::{FromRequest, Request, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use firn_protocol::{CreatedSession, SessionSpec, SessionView, SettingsPatch, StepSpec, Terrain};
+use serde::Serialize;
+use utoipa::IntoParams;
 
+use crate::config::Scope;
 use crate::http::docs::{BodyProblems, ParameterProblems, SessionPath, SessionProblems};
-use crate::http::extract::{FromQuery, Json, OptionalJson, Query, Segments, media_type, read_body};
+use crate::http::extract::{FromQuery, Json, OptionalJson, Query, media_type, read_body};
+use crate::http::gate::Caller;
 use crate::http::handlers::snapshots::SnapshotBytes;
 use crate::http::handlers::tokens::SECRET;
 use crate::http::page::{Page, PageQuery};
 use crate::http::query::Params;
 use crate::http::repeat::Keyed;
 use crate::http::state::App;
+use crate::http::target::{Target, Unvisited};
 use crate::problem::{FieldError, Problem};
-use crate::session::{
-    Change, CreatedSession, SNAPSHOT_MEDIA_TYPE, SessionError, SessionSpec, SessionView,
-    SettingsPatch, StepSpec,
-};
-use utoipa::IntoParams;
+use crate::session::{Change, SNAPSHOT_MEDIA_TYPE, SessionError};
 
 /// Create a session
 ///
 /// A session owns one snowpack. Every field has a default; an empty body will do. A body that is a
 /// snapshot makes the session what was saved, bit for bit; its name is `?id=` then, or a new one.
-/// The tokens are told here and never again.
+/// It belongs to the tenant whose API key makes it, and counts for its quotas; names are those of all
+/// tenants. The tokens are told here and never again.
 #[utoipa::path(
     post,
     path = "/v1/sessions",
@@ -40,7 +44,7 @@ use utoipa::IntoParams;
             headers(("Location" = String, description = "Path of the session"))),
         (status = 409, description = "There is a session of that name already", body = Problem,
             content_type = "application/problem+json"),
-        (status = 429, description = "The server holds as much as it may", body = Problem,
+        (status = 429, description = "The server, or the tenant, holds as much as it may", body = Problem,
             content_type = "application/problem+json",
             headers(("Retry-After" = u32, description = "Seconds until another try makes sense"))),
         (status = 500, description = "Handling the request failed inside the server",
@@ -54,16 +58,20 @@ use utoipa::IntoParams;
 )]
 pub async fn create(
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     Query(query): Query<CreateQuery>,
     Keyed(once): Keyed,
     request: Request,
 ) -> Result<Response, Problem> {
-    let making = if media_type(request.headers()) == SNAPSHOT_MEDIA_TYPE {
+    let tenant = caller.tenant().map(str::to_owned);
+    let (making, leave) = if media_type(request.headers()) == SNAPSHOT_MEDIA_TYPE {
         let bytes = read_body(request, &app).await?;
+        let leave = app.answers.admit(0).await?;
         // A task of its own: where the client goes away, the session is whole or not there.
-        tokio::spawn(
-            async move { app.sessions.restore(bytes.to_vec().into(), query.id, once).await },
-        )
+        let making = tokio::spawn(async move {
+            app.sessions.restore(bytes.to_vec().into(), query.id, tenant.as_deref(), once).await
+        });
+        (making, leave)
     } else {
         let OptionalJson(spec) = OptionalJson::<SessionSpec>::from_request(request, &app).await?;
         if query.id.is_some() {
@@ -72,7 +80,13 @@ pub async fn create(
                 detail: "names a restored session only; a new one is named in the body".to_owned(),
             }]));
         }
-        tokio::spawn(async move { app.sessions.create_once(spec, once).await })
+        let bytes = elevations(spec.terrain.as_ref()) as u64 * BYTES_PER_ELEVATION;
+        let leave = app.answers.admit(bytes).await?;
+        let making =
+            tokio::spawn(
+                async move { app.sessions.create_once(spec, tenant.as_deref(), once).await },
+            );
+        (making, leave)
     };
     let made = making.await.map_err(|_| SessionError::Internal("the creation failed".into()))?;
     let (session, tokens) = made?;
@@ -83,7 +97,31 @@ pub async fn create(
         viewer_token: tokens.viewer_token,
     };
     let location = [(header::LOCATION, location)];
-    Ok((StatusCode::CREATED, location, [SECRET], Answer(created)).into_response())
+    let answer =
+        move || Ok((StatusCode::CREATED, location, [SECRET], Answer(created)).into_response());
+    leave.make(answer).await
+}
+
+/// Memory that an elevation of the ground takes in an answer \[bytes\].
+const BYTES_PER_ELEVATION: u64 = 24;
+
+/// Answers with sessions of so many elevations of the ground together.
+async fn tell(
+    app: &App,
+    elevations: usize,
+    told: impl Serialize + Send + 'static,
+) -> Result<Response, Problem> {
+    let leave = app.answers.admit(elevations as u64 * BYTES_PER_ELEVATION).await?;
+    leave.make(move || Ok(Answer(told).into_response())).await
+}
+
+/// Answers with a session.
+pub(super) async fn tell_of(app: &App, view: SessionView) -> Result<Response, Problem> {
+    tell(app, elevations(view.terrain.as_ref()), view).await
+}
+
+fn elevations(terrain: Option<&Terrain>) -> usize {
+    terrain.map_or(0, |terrain| terrain.heights.len())
 }
 
 /// How a restored session is to be called.
@@ -100,9 +138,13 @@ impl FromQuery for CreateQuery {
     }
 }
 
+/// Elevations of the ground on one page, but for those of its last session.
+const MOST_ELEVATIONS: usize = 1 << 20;
+
 /// List sessions
 ///
-/// In ascending order of their names.
+/// In ascending order of their names: a tenant's own to its keys, all of them to the operator. A page has
+/// fewer than `limit` of them where their terrain would make it too long.
 #[utoipa::path(
     get,
     path = "/v1/sessions",
@@ -116,11 +158,21 @@ impl FromQuery for CreateQuery {
 )]
 pub async fn list(
     State(app): State<App>,
+    Extension(caller): Extension<Caller>,
     Query(query): Query<PageQuery>,
-) -> Answer<Page<SessionView>> {
-    let found = app.sessions.list(query.cursor.as_deref(), query.limit() + 1);
-    let views = found.iter().map(|session| session.view()).collect();
-    Answer(Page::new(views, query.limit(), |view| &view.id))
+) -> Result<Response, Problem> {
+    let (after, limit) = (query.cursor.as_deref(), query.limit() + 1);
+    let found = app.sessions.list(caller.confined_to(), after, limit);
+    // What they stand on may be large: a page ends where it gets too long.
+    let mut sum = 0;
+    let fits = found.iter().take_while(|session| {
+        let before = sum;
+        sum += elevations(session.spec.terrain.as_ref());
+        before < MOST_ELEVATIONS
+    });
+    let limit = query.limit().min(fits.count());
+    let views = found.iter().take(limit + 1).map(|session| session.view()).collect();
+    tell(&app, sum, Page::new(views, limit, |view: &SessionView| &view.id)).await
 }
 
 /// Get a session
@@ -134,11 +186,8 @@ pub async fn list(
     params(SessionPath),
     responses((status = 200, description = "The session", body = SessionView), SessionProblems)
 )]
-pub async fn get(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
-) -> Result<Answer<SessionView>, Problem> {
-    Ok(Answer(app.sessions.get(&id)?.view()))
+pub async fn get(State(app): State<App>, Target(session): Target) -> Result<Response, Problem> {
+    tell_of(&app, session.view()).await
 }
 
 /// Change a session's settings
@@ -159,17 +208,17 @@ pub async fn get(
 )]
 pub async fn patch(
     State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Json(patch): Json<SettingsPatch>,
-) -> Result<Answer<SessionView>, Problem> {
-    let session = app.sessions.get(&id)?;
+) -> Result<Response, Problem> {
     session.change(Change::Settings(patch)).await?;
-    Ok(Answer(session.view()))
+    tell_of(&app, session.view()).await
 }
 
 /// Delete a session
 ///
-/// Its device memory is free afterwards.
+/// Its device memory is free afterwards. One that is `locked` is deleted with an API key of the scope
+/// `admin` only.
 #[utoipa::path(
     delete,
     path = "/v1/sessions/{id}",
@@ -180,9 +229,13 @@ pub async fn patch(
 )]
 pub async fn delete(
     State(app): State<App>,
-    Segments(id): Segments<String>,
+    Extension(caller): Extension<Caller>,
+    Unvisited(session): Unvisited,
 ) -> Result<StatusCode, Problem> {
-    app.sessions.delete(&id).await?;
+    if !caller.may(Scope::Admin) {
+        session.check_unlocked()?;
+    }
+    app.sessions.delete(&session).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -208,12 +261,11 @@ pub async fn delete(
 )]
 pub async fn step(
     State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Json(step): Json<StepSpec>,
-) -> Result<Answer<SessionView>, Problem> {
-    let session = app.sessions.get(&id)?;
+) -> Result<Response, Problem> {
     tokio::select! {
-        stepped = session.step(step) => Ok(Answer(stepped?)),
+        stepped = session.step(step) => tell_of(&app, stepped?).await,
         () = app.draining.cancelled() => {
             Err(Problem::unavailable("the server is stopping; the step has ended early"))
         }
@@ -237,9 +289,6 @@ pub async fn step(
         SessionProblems
     )
 )]
-pub async fn reset(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
-) -> Result<Answer<SessionView>, Problem> {
-    Ok(Answer(app.sessions.get(&id)?.reset().await?))
+pub async fn reset(State(app): State<App>, Target(session): Target) -> Result<Response, Problem> {
+    tell_of(&app, session.reset().await?).await
 }

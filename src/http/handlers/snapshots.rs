@@ -4,16 +4,18 @@ use axum::Json as Answer;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
+use firn_protocol::Stamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use crate::http::answers::carry_on;
 use crate::http::docs::{SessionPath, SessionProblems};
-use crate::http::extract::Segments;
 use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::Problem;
-use crate::session::{SNAPSHOT_MEDIA_TYPE, Stamp};
+use crate::session::{SNAPSHOT_MEDIA_TYPE, Snapshot, Visit};
 
-use super::{off_thread, stamp_headers};
+use super::stamp_headers;
 
 /// A snapshot, as `api/snapshot.md` describes it.
 #[derive(ToSchema)]
@@ -51,15 +53,12 @@ pub struct DigestView {
         SessionProblems
     )
 )]
-pub async fn get(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
-) -> Result<Response, Problem> {
-    let snapshot = app.sessions.get(&id)?.snapshot().await?;
-    let stamp = snapshot.stamp;
-    let bytes = off_thread(move || snapshot.encode()).await??;
-    let media_type = [(header::CONTENT_TYPE, SNAPSHOT_MEDIA_TYPE)];
-    Ok((stamp_headers(stamp), media_type, bytes).into_response())
+pub async fn get(State(app): State<App>, Target(session): Target) -> Result<Response, Problem> {
+    make(&app, session, |snapshot| {
+        let media_type = [(header::CONTENT_TYPE, SNAPSHOT_MEDIA_TYPE)];
+        Ok((stamp_headers(snapshot.stamp), media_type, snapshot.encode()?).into_response())
+    })
+    .await
 }
 
 /// Read a session's digest
@@ -73,12 +72,24 @@ pub async fn get(
     params(SessionPath),
     responses((status = 200, description = "The digest", body = DigestView), SessionProblems)
 )]
-pub async fn digest(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
-) -> Result<Answer<DigestView>, Problem> {
-    let snapshot = app.sessions.get(&id)?.snapshot().await?;
-    let stamp = snapshot.stamp;
-    let digest = off_thread(move || snapshot.digest()).await??;
-    Ok(Answer(DigestView { stamp, digest }))
+pub async fn digest(State(app): State<App>, Target(session): Target) -> Result<Response, Problem> {
+    make(&app, session, |snapshot| {
+        let view = DigestView { stamp: snapshot.stamp, digest: snapshot.digest()? };
+        Ok(Answer(view).into_response())
+    })
+    .await
+}
+
+/// Makes an answer of a snapshot.
+async fn make(
+    app: &App,
+    session: Visit,
+    answer: impl FnOnce(Snapshot) -> Result<Response, Problem> + Send + 'static,
+) -> Result<Response, Problem> {
+    let leave = app.answers.admit_found(&session, session.snapshot_bytes()).await?;
+    carry_on(async move {
+        let snapshot = session.snapshot().await?;
+        leave.make(move || answer(snapshot)).await
+    })
+    .await
 }

@@ -1,14 +1,14 @@
 //! Snowfalls.
 
-use axum::extract::State;
 use axum::response::Response;
+use firn_protocol::{Snowfall, SnowfallReply};
 
 use crate::http::docs::{BodyProblems, SessionPath, SessionProblems};
-use crate::http::extract::{Json, Segments};
+use crate::http::extract::Json;
 use crate::http::repeat::Keyed;
-use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::Problem;
-use crate::session::{Change, Snowfall, SnowfallReply};
+use crate::session::Change;
 
 /// Let snow fall
 ///
@@ -27,11 +27,9 @@ use crate::session::{Change, Snowfall, SnowfallReply};
     )
 )]
 pub async fn create(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
     Keyed(once): Keyed,
     Json(body): Json<Snowfall>,
 ) -> Result<Response, Problem> {
-    let session = app.sessions.get(&id)?;
     Ok(super::applied(session.change_once(Change::Snowfall(body), once).await?))
 }

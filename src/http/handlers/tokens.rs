@@ -1,14 +1,12 @@
 //! A session's tokens.
 
 use axum::Json as Answer;
-use axum::extract::State;
 use axum::http::{HeaderName, HeaderValue, header};
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::http::docs::{SessionPath, SessionProblems};
-use crate::http::extract::Segments;
-use crate::http::state::App;
+use crate::http::target::Target;
 use crate::problem::Problem;
 
 /// Keeps an answer with a secret out of every cache.
@@ -40,10 +38,9 @@ pub struct TokensReply {
     )
 )]
 pub async fn create(
-    State(app): State<App>,
-    Segments(id): Segments<String>,
+    Target(session): Target,
 ) -> Result<([(HeaderName, HeaderValue); 1], Answer<TokensReply>), Problem> {
-    let tokens = app.sessions.get(&id)?.reissue_tokens().await?;
+    let tokens = session.reissue_tokens().await?;
     let reply = TokensReply { token: tokens.token, viewer_token: tokens.viewer_token };
     Ok(([SECRET], Answer(reply)))
 }

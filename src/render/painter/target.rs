@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use crate::engine::frame::EngineError;
-use crate::engine::gpu::device::Device;
+use firn_engine::frame::EngineError;
+use firn_engine::gpu::device::Device;
 
 use super::extent;
 

@@ -2,11 +2,11 @@
 
 use std::f32::consts::TAU;
 
+use firn_protocol::ColliderView;
+use firn_snow::Shape;
 use glam::Vec3;
 
 use crate::render::Snow;
-use crate::session::ColliderView;
-use crate::snow::Shape;
 
 use super::{ALL_FACES, OBJECT, Prism, Scene};
 

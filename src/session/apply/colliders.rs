@@ -3,13 +3,16 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use crate::engine::frame::{Edit, Placement};
-use crate::session::change::{Change, ColliderBatch, ColliderPatch, ColliderSpec};
-use crate::session::error::{Check, SessionError};
-use crate::session::object_rows::words;
+use firn_engine::frame::{Edit, Placement};
+use firn_protocol::{ColliderBatch, ColliderPatch, ColliderSpec};
+use firn_snow::{Contact, Footprint, Grid, Shape};
+
+use crate::quote::quote;
+use crate::session::change::Change;
+use crate::session::error::{Check, Invalid, SessionError};
 use crate::session::orders::ReplyKind;
+use crate::session::reach::Reach;
 use crate::session::simulation::{Collider, Simulation};
-use crate::snow::{Contact, Footprint, Grid, Shape};
 
 /// Most entries of a batch of colliders.
 const LARGEST_BATCH: usize = 4096;
@@ -28,7 +31,7 @@ impl Simulation {
         }
         let edit = self.check_collider(&mut check, "", &id, spec);
         check.finish()?;
-        let rows = edit.iter().map(|(_, collider, _)| collider.rows).sum();
+        let rows = edit.iter().map(|(_, collider, _)| collider.reach.words()).sum();
         self.take_rows(self.rows_of([&*id]), rows, most)?;
         self.place(edit);
         Ok(ReplyKind::Collider { id, created })
@@ -55,14 +58,15 @@ impl Simulation {
         batch: &ColliderBatch,
         most: Option<usize>,
     ) -> Result<ReplyKind, SessionError> {
-        let mut check = Check::default();
         if batch.put.len() + batch.delete.len() > LARGEST_BATCH {
-            check.reject("", format!("a batch may have at most {LARGEST_BATCH} entries"));
+            let detail = format!("a batch may have at most {LARGEST_BATCH} entries");
+            return Err(SessionError::Invalid(vec![Invalid::new("", detail)]));
         }
+        let mut check = Check::default();
         let mut ids: BTreeSet<&str> = self.colliders.keys().map(|id| &**id).collect();
         for (i, id) in batch.delete.iter().enumerate() {
             if !ids.remove(id.as_str()) {
-                check.reject(format!("/delete/{i}"), format!("there is no collider '{id}'"));
+                check.reject(format!("/delete/{i}"), format!("there is no collider {}", quote(id)));
             }
         }
         let mut named: BTreeSet<&str> = BTreeSet::new();
@@ -73,7 +77,10 @@ impl Simulation {
                 continue;
             };
             if !named.insert(id) {
-                check.reject(format!("/put/{i}/id"), format!("'{id}' stands twice in the batch"));
+                check.reject(
+                    format!("/put/{i}/id"),
+                    format!("{} stands twice in the batch", quote(id)),
+                );
             }
             ids.insert(id);
             let at = format!("/put/{i}");
@@ -85,7 +92,7 @@ impl Simulation {
         check.finish()?;
         let put = batch.put.iter().filter_map(|spec| spec.id.as_deref());
         let left = batch.delete.iter().map(String::as_str).filter(|id| !named.contains(*id));
-        let rows = placed.iter().flatten().map(|(_, collider, _)| collider.rows).sum();
+        let rows = placed.iter().flatten().map(|(_, collider, _)| collider.reach.words()).sum();
         self.take_rows(self.rows_of(put.chain(left)), rows, most)?;
         for id in &batch.delete {
             self.remove_collider(id);
@@ -108,7 +115,7 @@ impl Simulation {
             shape: spec.shape,
             position: spec.position,
             contact: Contact::default(),
-            rows: words(&spec.shape, grid),
+            reach: Reach::new(&spec.shape, grid),
         };
         let placement = collider.check(check, at, id, grid)?;
         // A change of mass alone doesn't move an object: the depth it has sunk goes on counting.
@@ -122,7 +129,8 @@ impl Simulation {
 
     /// What some of the objects take in the device's tables.
     pub(super) fn rows_of<'i>(&self, ids: impl IntoIterator<Item = &'i str>) -> u64 {
-        ids.into_iter().filter_map(|id| self.colliders.get(id)).map(|collider| collider.rows).sum()
+        let known = ids.into_iter().filter_map(|id| self.colliders.get(id));
+        known.map(|collider| collider.reach.words()).sum()
     }
 
     /// Takes rows in the device's tables for objects, in place of others. What was allowed before is
@@ -145,15 +153,15 @@ impl Simulation {
 
     fn place(&mut self, checked: Option<(Arc<str>, Collider, Edit)>) {
         let Some((id, collider, edit)) = checked else { return };
-        self.disturb();
+        self.disturb(collider.reach.tiles);
         self.next.changed = true;
         self.colliders.insert(id, collider);
         self.next.edits.push(edit);
     }
 
     pub(super) fn remove_collider(&mut self, id: &str) {
-        if let Some((id, _)) = self.colliders.remove_entry(id) {
-            self.disturb();
+        if let Some((id, collider)) = self.colliders.remove_entry(id) {
+            self.disturb(collider.reach.tiles);
             self.next.changed = true;
             self.next.edits.push(Edit::RemoveCollider { id });
         }

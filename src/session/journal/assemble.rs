@@ -9,7 +9,8 @@ use crate::session::once::Done;
 use crate::store::{Content, Kind, Row};
 
 use super::image::{HEARTBEAT, Stored};
-use super::{Checkpoint, Entry, Heartbeat, Identity, Mark};
+use super::weight::bytes_of;
+use super::{Checkpoint, Entry, Heartbeat, Identity, Lock, Mark};
 
 /// What rows are put together to.
 pub(crate) struct Assembled {
@@ -18,20 +19,17 @@ pub(crate) struct Assembled {
     pub broken: Vec<String>,
     /// Frame that the world has come to.
     pub frame: u64,
-    /// A key that no session has had.
-    pub next_key: u64,
 }
 
 /// Puts rows together.
 pub(crate) fn assemble(mut rows: BTreeMap<Row, Content>) -> Assembled {
     let heartbeat = rows.remove(&HEARTBEAT);
-    let next_key = rows.keys().map(|row| row.session + 1).max().unwrap_or(0);
     let (sessions, broken) = by_session(rows);
     let heartbeat = heartbeat.and_then(|content| parse::<Heartbeat>(&content.bytes));
     // A damaged file may have lost it, or hold an older one.
     let rests = sessions.values().filter_map(|stored| Some(stored.mark.rest?.since));
     let frame = rests.chain(heartbeat.map(|heartbeat| heartbeat.frame)).max().unwrap_or(0);
-    Assembled { sessions, broken, frame, next_key }
+    Assembled { sessions, broken, frame }
 }
 
 /// Puts rows together to sessions; and says of each that is not whole what is missing.
@@ -100,15 +98,17 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
     }
     let done = all(Kind::Answer).filter_map(|content| parse::<Done>(&content.bytes));
     let mut done: Vec<Arc<Done>> = done.map(Arc::new).collect();
-    done.sort_by_key(|done| done.at);
+    done.sort_by_key(|done| done.at_ms);
     let done = VecDeque::from(done);
     Ok(Stored {
         identity: Arc::new(identity),
         origin: one(Kind::Origin).map(|content| content.bytes.clone().into()),
         checkpoint: checkpoint.map(Arc::new),
+        entry_bytes: bytes_of(&entries),
         entries,
         mark,
         done,
+        lock: one(Kind::Lock).map(|content| Lock::read(&content.bytes)),
         generation: 0,
     })
 }

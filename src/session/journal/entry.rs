@@ -1,11 +1,13 @@
 //! What is written about a session.
 
+use firn_protocol::SessionSpec;
 use serde::{Deserialize, Serialize};
 
 use crate::session::change::Change;
 use crate::session::clock::ticks_between;
-use crate::session::spec::SessionSpec;
 use crate::session::token::TokenHashes;
+
+use super::Weight;
 
 /// Ranges of lost seqs that are remembered one by one.
 const MOST_LOST: usize = 16;
@@ -17,6 +19,12 @@ pub(crate) struct Identity {
     pub epoch: String,
     /// RFC 3339.
     pub created_at: String,
+    /// Name of the tenant it belongs to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub owner: Option<String>,
+    /// Memory that the journal holds of the session.
+    #[serde(skip)]
+    pub weight: Weight,
     #[serde(flatten)]
     pub tokens: TokenHashes,
     pub spec: SessionSpec,
@@ -151,7 +159,7 @@ impl Checkpoint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::change::SettingsPatch;
+    use firn_protocol::SettingsPatch;
 
     #[test]
     fn a_checkpoint_is_read_as_it_was_written() {
@@ -163,6 +171,22 @@ mod tests {
             assert_eq!(Checkpoint::decode(&bytes[..length]), None, "{length}");
         }
         assert_eq!(Checkpoint::decode(&[0xff; 64]), None);
+    }
+
+    #[test]
+    fn a_session_of_a_version_that_knew_no_tenants_is_the_operators() {
+        let tokens = crate::session::token::Tokens::generate().unwrap().hashes();
+        let (id, epoch, created_at) = ("a".to_owned(), "b".to_owned(), "c".to_owned());
+        let (spec, weight) = (SessionSpec::default(), Weight::default());
+        let owner = Some("alpine".to_owned());
+        let own = Identity { id, epoch, created_at, owner, weight, tokens, spec };
+        let mut text = serde_json::to_value(&own).unwrap();
+        let read = |text: &serde_json::Value| serde_json::from_value::<Identity>(text.clone());
+        assert_eq!(read(&text).unwrap().owner, own.owner);
+        text.as_object_mut().unwrap().remove("owner");
+        assert_eq!(read(&text).unwrap().owner, None);
+        // What the operator owns is written as it was then.
+        assert_eq!(serde_json::to_value(Identity { owner: None, ..own }).unwrap(), text);
     }
 
     #[test]

@@ -14,6 +14,7 @@ use crate::session::error::SessionError;
 use crate::session::message::Message;
 use crate::session::once::{Answered, Done};
 use crate::store::{Store, StoreError};
+use crate::threads::{self, Priority};
 
 use super::image::{Image, Stored, Submission};
 use super::writer::Writer;
@@ -89,7 +90,10 @@ impl Journal {
         for (&key, stored) in &image {
             ages.extend(stored.done.iter().map(|done| (key, done.clone())));
         }
-        ages.sort_by_key(|(_, done)| done.at);
+        ages.sort_by_key(|(_, done)| done.at_ms);
+        if let Some((_, newest)) = ages.last() {
+            answered.go_on_from(newest);
+        }
         ages.iter().for_each(|(_, done)| answered.note(done.clone()));
         let shared = Arc::new(Shared {
             answered,
@@ -241,7 +245,7 @@ fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> std::io::Result<Joi
 
 /// Makes checkpoints of snapshots until there will be no more.
 fn encode(jobs: &mpsc::Receiver<Job>, tasks: &mpsc::Sender<Task>, shared: &Shared) {
-    yield_to_frames();
+    threads::give_way(Priority::Lowest);
     while let Ok(Job { key, generation, base, taken }) = jobs.recv() {
         // The entries that it replaces are worth more than one that can't be read.
         let made = || taken.snapshot.check_mass().and_then(|()| taken.snapshot.encode());
@@ -264,18 +268,6 @@ fn encode(jobs: &mpsc::Receiver<Job>, tasks: &mpsc::Sender<Task>, shared: &Share
     }
 }
 
-/// Has this thread wait for all others: where there are few processors, or the device is one of them,
-/// frames would take twice as long while a checkpoint is compressed.
-#[cfg(target_os = "linux")]
-fn yield_to_frames() {
-    // On Linux a thread has a priority of its own. That it can't be lowered is no reason not to go on.
-    let _ = rustix::process::nice(19);
-}
-
-/// Elsewhere that would be the priority of the whole process.
-#[cfg(not(target_os = "linux"))]
-fn yield_to_frames() {}
-
 pub(super) fn refuse(acks: Vec<Ack>, why: &SessionError) {
     acks.into_iter().for_each(|ack| ack(Err(why.clone())));
 }
@@ -285,10 +277,15 @@ fn refuse_all(batch: Vec<Submission>, why: &SessionError) {
 }
 
 pub(super) fn unstorable(failure: &StoreError) -> SessionError {
-    SessionError::StorageFailed(format!(
-        "the change was not made: it can't be stored ({failure}); it can be tried again once the \
-         data directory can be written to and has room"
-    ))
+    match failure {
+        StoreError::Failed(why) => SessionError::StorageFailed(format!(
+            "the change was not made: it can't be stored ({why}); it can be tried again once the \
+             data directory can be written to and has room"
+        )),
+        StoreError::Gone(why) => SessionError::StorageGone(format!(
+            "the change was not made, because the next start would not find it: {why}"
+        )),
+    }
 }
 
 fn stopped() -> SessionError {

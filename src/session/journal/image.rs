@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::session::once::Done;
 use crate::store::{Kind, Row, Write};
 
-use super::{Ack, Checkpoint, Entry, Heartbeat, Identity, Mark};
+use super::{Ack, Checkpoint, Entry, Heartbeat, Identity, Lock, Mark};
 
 /// The row that says how far the world has come. Sessions have keys that are counted from 0.
 pub(super) const HEARTBEAT: Row = Row { session: u64::MAX, kind: Kind::Heartbeat, number: 0 };
@@ -21,9 +21,13 @@ pub(crate) struct Stored {
     pub checkpoint: Option<Arc<Checkpoint>>,
     /// What has happened since.
     pub entries: VecDeque<Arc<Entry>>,
+    /// Memory that they take.
+    pub entry_bytes: usize,
     pub mark: Mark,
     /// What came of requests that carry a key, the oldest first.
     pub done: VecDeque<Arc<Done>>,
+    /// Where it came back from a damaged file.
+    pub lock: Option<Lock>,
     /// Counts how often the session was brought back: what was submitted by an earlier life is void.
     pub generation: u64,
 }
@@ -68,6 +72,8 @@ pub(crate) enum Record {
     Checkpoint(Arc<Checkpoint>),
     /// What came of a request that carries a key.
     Done(Arc<Done>),
+    /// Locked, or no longer.
+    Lock(Option<Lock>),
     Delete,
 }
 
@@ -143,6 +149,7 @@ impl Submission {
                 Record::Done(done) => {
                     writes.push(Write::Put(row(Kind::Answer, done.number()), json(&**done)));
                 }
+                Record::Lock(lock) => writes.push(Lock::write(*lock, session)),
                 Record::Delete => writes.push(Write::RemoveSession(session)),
             }
         }
@@ -157,8 +164,10 @@ impl Submission {
                     origin: origin.clone(),
                     checkpoint: None,
                     entries: VecDeque::new(),
+                    entry_bytes: 0,
                     mark: Mark::default(),
                     done: VecDeque::new(),
+                    lock: None,
                     generation: self.generation,
                 };
                 image.insert(self.key, stored);
@@ -168,21 +177,31 @@ impl Submission {
                 stored.enter(record);
             }
         }
+        if let Some(stored) = image.get(&self.key) {
+            stored.weigh();
+        }
     }
 }
 
 impl Stored {
-    fn enter(&mut self, record: &Record) {
+    pub(super) fn enter(&mut self, record: &Record) {
         match record {
             Record::Identity(identity) => self.identity = identity.clone(),
-            Record::Entry(_, entry) => self.entries.push_back(entry.clone()),
+            // Of a pause at the start, which it holds already.
+            Record::Entry(number, _) if *number < self.next() => {}
+            Record::Entry(_, entry) => {
+                self.entry_bytes += entry.bytes();
+                self.entries.push_back(entry.clone());
+            }
             Record::Mark(mark) => self.mark = mark.clone(),
             Record::Checkpoint(checkpoint) => {
                 let covered = checkpoint.base.saturating_sub(self.base()) as usize;
-                self.entries.drain(..covered.min(self.entries.len()));
+                let covered = self.entries.drain(..covered.min(self.entries.len()));
+                self.entry_bytes -= covered.map(|entry| entry.bytes()).sum::<usize>();
                 self.checkpoint = Some(checkpoint.clone());
             }
             Record::Done(done) => self.done.push_back(done.clone()),
+            Record::Lock(lock) => self.lock = *lock,
             Record::Create(..) | Record::Delete => {}
         }
     }
@@ -196,6 +215,7 @@ impl Stored {
         ];
         records.extend(self.checkpoint.clone().map(Record::Checkpoint));
         records.extend(self.done.iter().cloned().map(Record::Done));
+        records.extend(self.lock.map(|lock| Record::Lock(Some(lock))));
         let entries = (self.base()..).zip(&self.entries);
         records.extend(entries.map(|(number, entry)| Record::Entry(number, entry.clone())));
         Submission { key, generation: self.generation, records, acks: Vec::new() }
@@ -207,7 +227,7 @@ pub(super) fn beat(heartbeat: Heartbeat) -> Write {
     Write::Put(HEARTBEAT, json(&heartbeat))
 }
 
-fn json(value: &impl serde::Serialize) -> Vec<u8> {
+pub(super) fn json(value: &impl serde::Serialize) -> Vec<u8> {
     serde_json::to_vec(value).expect("what is journaled has string keys and finite numbers")
 }
 

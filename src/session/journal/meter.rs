@@ -9,11 +9,28 @@ use prometheus_client::metrics::histogram::Histogram;
 #[derive(Debug)]
 pub struct StoreVitals {
     commits: Histogram,
+    /// Why changes can't be stored, if they can't.
     failing: AtomicBool,
+    gone: AtomicBool,
+    damaged: AtomicBool,
     checkpoints: AtomicU64,
     checkpoint_bytes: AtomicU64,
     recovery_us: AtomicU64,
     lost_sessions: AtomicU64,
+    revived_sessions: AtomicU64,
+}
+
+/// What is to be known of the store.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StoreState {
+    /// Nothing.
+    Sound,
+    /// It was damaged when the server started.
+    Damaged,
+    /// It can't be written to, and changes are refused until it can.
+    Failing,
+    /// It is not where it was any more, and changes are refused.
+    Gone,
 }
 
 impl Default for StoreVitals {
@@ -23,10 +40,13 @@ impl Default for StoreVitals {
         StoreVitals {
             commits: Histogram::new(buckets),
             failing: AtomicBool::default(),
+            gone: AtomicBool::default(),
+            damaged: AtomicBool::default(),
             checkpoints: AtomicU64::default(),
             checkpoint_bytes: AtomicU64::default(),
             recovery_us: AtomicU64::default(),
             lost_sessions: AtomicU64::default(),
+            revived_sessions: AtomicU64::default(),
         }
     }
 }
@@ -40,6 +60,22 @@ impl StoreVitals {
     /// Whether changes can be stored.
     pub fn is_healthy(&self) -> bool {
         !self.failing.load(Ordering::Relaxed)
+    }
+
+    /// What is to be known of it: the worst.
+    pub fn state(&self) -> StoreState {
+        let is = |flag: &AtomicBool| flag.load(Ordering::Relaxed);
+        match (is(&self.failing), is(&self.gone), is(&self.damaged)) {
+            (true, true, _) => StoreState::Gone,
+            (true, false, _) => StoreState::Failing,
+            (false, _, true) => StoreState::Damaged,
+            (false, _, false) => StoreState::Sound,
+        }
+    }
+
+    /// Whether it was damaged when the server started.
+    pub fn was_damaged(&self) -> bool {
+        self.damaged.load(Ordering::Relaxed)
     }
 
     /// Checkpoints that were stored.
@@ -62,12 +98,31 @@ impl StoreVitals {
         self.lost_sessions.load(Ordering::Relaxed)
     }
 
+    /// Sessions that came back from a damaged file at the start.
+    pub fn revived_sessions(&self) -> u64 {
+        self.revived_sessions.load(Ordering::Relaxed)
+    }
+
     pub(super) fn committed(&self, took: Duration) {
         self.commits.observe(took.as_secs_f64());
     }
 
     pub(super) fn set_healthy(&self, healthy: bool) {
         self.failing.store(!healthy, Ordering::Relaxed);
+    }
+
+    pub(super) fn set_gone(&self, gone: bool) {
+        self.gone.store(gone, Ordering::Relaxed);
+    }
+
+    pub(in crate::session) fn damaged(&self) {
+        self.damaged.store(true, Ordering::Relaxed);
+    }
+
+    /// A locked session comes back; at a later start it did not come from a damaged file.
+    pub(in crate::session) fn note_revived(&self) {
+        let revived = u64::from(self.was_damaged());
+        self.revived_sessions.fetch_add(revived, Ordering::Relaxed);
     }
 
     pub(super) fn checkpointed(&self, bytes: usize) {

@@ -10,18 +10,22 @@ mod assemble;
 mod entry;
 mod handle;
 mod image;
+mod lock;
 mod log;
 mod meter;
 mod replay;
+mod weight;
 mod writer;
 
 pub(super) use assemble::{Assembled, assemble};
 pub(super) use entry::{Checkpoint, Entry, Event, Heartbeat, Identity, Mark, Rest};
 pub(super) use handle::{Feedback, Journal};
 pub(super) use image::{Record, Stored, Submission};
+pub(super) use lock::Lock;
 pub(super) use log::{Left, Log, Taken};
-pub use meter::StoreVitals;
+pub use meter::{StoreState, StoreVitals};
 pub(super) use replay::Replay;
+pub(super) use weight::Weight;
 
 use super::error::SessionError;
 

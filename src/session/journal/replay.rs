@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::engine::frame::Edit;
-use crate::session::orders::MOST_EDITS;
-use crate::session::portion::Portions;
+use firn_engine::frame::Edit;
+
+use crate::session::orders::MOST_CHANGES;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 
@@ -67,9 +67,7 @@ impl Simulation {
                 self.begin(origin.as_ref());
             }
         }
-        self.portions = Portions::for_replay();
         self.replay = Some(replay);
-        self.replays = true;
     }
 
     /// Takes what happened at this tick into the next frame, whatever frames it came in.
@@ -86,7 +84,7 @@ impl Simulation {
                 break;
             }
             // Each reset may bring a whole snowpack along.
-            if self.next.edits.len() >= MOST_EDITS || rounds >= MOST_ROUNDS || reset {
+            if self.next.edits.len() >= MOST_CHANGES || rounds >= MOST_ROUNDS || reset {
                 replay.parted = true;
                 break;
             }
@@ -122,7 +120,6 @@ impl Simulation {
         let done = replay.entries.is_empty() && self.clock.tick() >= replay.until;
         if done {
             self.replay = None;
-            self.replays = false;
             self.portions.begin_anew();
             self.unpublished = true;
         }

@@ -27,6 +27,9 @@ use super::{Heartbeat, Mark, Record};
 /// Time between two attempts to write to a store that failed.
 const RETRY: Duration = Duration::from_millis(250);
 
+/// Time between two looks at whether the store is where it was.
+const LOOK: Duration = Duration::from_millis(250);
+
 /// Longest time that marks wait for changes to be committed with.
 const MARKS_WAIT: Duration = Duration::from_millis(250);
 
@@ -45,6 +48,7 @@ pub(super) struct Writer {
     /// As they do.
     heartbeat: Option<Heartbeat>,
     last_commit: Instant,
+    last_look: Instant,
     /// Sessions of which the store may hold what was refused.
     spoiled: BTreeSet<u64>,
     /// Marks that could not be written.
@@ -75,6 +79,7 @@ impl Writer {
             waiting: Vec::new(),
             heartbeat: None,
             last_commit: Instant::now(),
+            last_look: Instant::now(),
             spoiled: BTreeSet::new(),
             late: HashMap::new(),
             ages: ages.into(),
@@ -89,6 +94,7 @@ impl Writer {
             let mut batch = std::mem::take(&mut self.waiting);
             let mut flushes = Vec::new();
             ended = !self.collect(&mut batch, &mut flushes);
+            self.look();
             let urgent = ended
                 || !flushes.is_empty()
                 || self.last_commit.elapsed() >= MARKS_WAIT
@@ -122,13 +128,19 @@ impl Writer {
             }
             Task::Flush(done) => flushes.push(done),
         };
-        if idle && !failed {
+        if idle && !failed && !self.durable {
             match self.incoming.recv() {
                 Ok(task) => take(task),
                 Err(_) => return false,
             }
         } else {
-            let patience = if failed { RETRY } else { MARKS_WAIT };
+            let patience = if failed {
+                RETRY
+            } else if idle {
+                LOOK
+            } else {
+                MARKS_WAIT
+            };
             match self.incoming.recv_timeout(patience) {
                 Ok(task) => take(task),
                 Err(RecvTimeoutError::Timeout) => {}
@@ -207,11 +219,14 @@ impl Writer {
     /// Forgets requests that are too old to be sent again.
     fn forget(&mut self) -> Vec<Write> {
         let mut writes = Vec::new();
+        let answered = &self.shared.answered;
         let mut image = lock(&self.shared.image);
-        while let Some((session, done)) = self.ages.pop_front_if(|(_, done)| done.is_old()) {
-            self.shared.answered.forget(&done.key);
+        while let Some((session, done)) = self.ages.pop_front_if(|(_, done)| answered.is_over(done))
+        {
+            answered.forget(&done.key);
             if let Some(stored) = image.get_mut(&session) {
                 stored.done.pop_front_if(|kept| kept.key == done.key);
+                stored.weigh();
             }
             let row = Row { session, kind: Kind::Answer, number: done.number() };
             writes.push(Write::Remove(row));

@@ -2,17 +2,18 @@
 
 use std::sync::Arc;
 
+use firn_engine::frame::{Placement, TileCells};
+use firn_protocol::{SessionSpec, Settings};
+use firn_snow::{Contact, Footprint, Grid, Material, Position, Shape};
 use serde::{Deserialize, Serialize};
 
-use crate::engine::frame::{Placement, TileCells};
 use crate::session::clock::Clock;
 use crate::session::error::{Check, SessionError};
 use crate::session::falling::Falling;
 use crate::session::gather::Ledger;
+use crate::session::reach::Reach;
 use crate::session::simulation::Collider;
-use crate::session::spec::{Limits, SessionSpec};
-use crate::session::view::Settings;
-use crate::snow::{Contact, Footprint, Grid, Material, Position, Shape};
+use crate::session::spec::Limits;
 
 use super::refused;
 
@@ -53,7 +54,7 @@ impl SavedCollider {
 impl Description {
     /// Notes what no server would have saved.
     pub fn check(&self, limits: &Limits) -> Result<(), SessionError> {
-        self.spec.check(limits)?;
+        limits.check(&self.spec)?;
         let mut check = Check::default();
         check.settings(&self.settings);
         check.range("/material/stiffness_exponent", self.material.stiffness_exponent, 3.0, 6.0, "");
@@ -79,7 +80,7 @@ impl Description {
         for (i, saved) in self.colliders.iter().enumerate() {
             let at = format!("/colliders/{i}");
             let SavedCollider { mass, shape, position, contact, .. } = *saved;
-            let object = Collider { mass, shape, position, contact, rows: 0 };
+            let object = Collider { mass, shape, position, contact, reach: Reach::default() };
             object.check(&mut check, &at, &saved.id, &self.spec.grid);
             let ordered = i == 0 || self.colliders[i - 1].id < saved.id;
             let positive = |number: f32| number > 0.0 && number.is_finite();

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use crate::engine::frame::{Backend, EngineError};
+use firn_engine::frame::{Backend, EngineError};
+
 use crate::store::{Ephemeral, Store, StoreError};
 
 /// Opens the device anew.
@@ -15,6 +16,8 @@ pub struct Durability {
     pub store: Box<dyn Store>,
     /// Time after a change until a checkpoint is due.
     pub checkpoint_interval: Duration,
+    /// Whether to begin empty where a damaged store holds no session that is whole.
+    pub accept_loss: bool,
 }
 
 impl Durability {
@@ -26,6 +29,7 @@ impl Durability {
         Durability {
             store: Box::new(Ephemeral),
             checkpoint_interval: Durability::CHECKPOINT_INTERVAL,
+            accept_loss: false,
         }
     }
 }
@@ -42,6 +46,12 @@ pub enum StartError {
     /// What is stored can't be read.
     #[error("reading what is stored: {0}")]
     Store(#[from] StoreError),
+    /// What was stored is lost, and nobody has said that this is accepted.
+    #[error(
+        "{0}, and no session in it is whole; nothing was changed: put a backup in its place, or begin \
+         empty with --accept-loss, which keeps the damaged file beside the new one"
+    )]
+    Lost(String),
 }
 
 /// Something that breaks, for tests of what happens then.

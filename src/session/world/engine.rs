@@ -5,17 +5,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use firn_engine::frame::{Backend, EngineError};
 use tokio::sync::mpsc;
 use tracing::error;
 
-use crate::engine::frame::{Backend, EngineError};
+use crate::session::answer::Answer;
 use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::Journal;
 use crate::session::message::Message;
 use crate::session::names::Names;
-use crate::session::orders::Answer;
 use crate::session::pace::Pace;
 use crate::session::simulation::Simulation;
 use crate::session::vitals::{FrameTime, Vitals};
@@ -25,7 +25,8 @@ use super::frame::caught;
 use super::revive::Revival;
 use super::simulations::Simulations;
 use super::slots::Slots;
-use super::{INBOX, OpenBackend, WorldConfig};
+use super::wake::Waking;
+use super::{OpenBackend, TAKEN_AT_ONCE, WorldConfig};
 
 /// What lives on the world's thread.
 pub(super) struct Engine {
@@ -39,8 +40,6 @@ pub(super) struct Engine {
     pub(super) vitals: Arc<Vitals>,
     pub(super) frames: Arc<AtomicU64>,
     pub(super) frame: u64,
-    /// A session has as many edits for the next frame as one frame should carry.
-    pub(super) full: bool,
     /// Frame in which sessions were last looked after.
     pub(super) looked_after: u64,
     pub(super) next_beat: Instant,
@@ -54,6 +53,8 @@ pub(super) struct Engine {
     pub(super) saves: Deadlines,
     /// Sessions whose memory is freed.
     pub(super) hibernating: HashMap<u64, Arc<Session>>,
+    /// Sessions that are being woken.
+    pub(super) waking: HashMap<u64, Waking>,
     /// Who waits for a session to be deleted.
     pub(super) leaving: HashMap<u64, Vec<Answer<()>>>,
     pub(super) slots: Slots,
@@ -88,7 +89,9 @@ impl Engine {
             // The frame with a checkpoint takes on nothing that falls on a beat.
             let publish = !std::mem::take(&mut saves) && self.beat();
             self.look_after_sessions()?;
+            self.feed_waking();
             let frame = self.carry_out_frame(publish)?;
+            self.advance_waking()?;
             if frame.sessions > 0 || self.frame > beat {
                 self.vitals.note(FrameTime { took: begun.elapsed(), ..frame });
             }
@@ -114,12 +117,7 @@ impl Engine {
                 Err(_) => {}
             }
         }
-        // No more than one inbox full at a time, so that beats are not missed.
-        self.full = false;
-        for _ in 0..INBOX {
-            if self.full {
-                break;
-            }
+        for _ in 0..TAKEN_AT_ONCE {
             match self.inbox.try_recv() {
                 Ok(message) => {
                     if !self.take_message(message)? {
@@ -192,9 +190,11 @@ impl Engine {
     pub(super) fn fell(&mut self, key: u64) {
         let Some(simulation) = self.simulations.get(&key) else { return };
         let id = simulation.session.id.clone();
-        if self.reviving {
+        if self.reviving || self.waking.contains_key(&key) {
             error!(session = id, "bringing this session back panicked; it is set aside");
-            self.remove(key, &SessionError::Internal(format!("session '{id}' failed")));
+            let why = SessionError::Internal(format!("session '{id}' failed"));
+            self.give_up_waking(key, &why);
+            self.remove(key, &why);
         } else {
             error!(session = id, "handling this session panicked; it is brought back");
             self.simulations.set_active(key, false);

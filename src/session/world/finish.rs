@@ -21,8 +21,9 @@ impl Engine {
         let Some(deadline) = self.stop.filter(|_| self.journal.durable) else { return };
         let began = Instant::now();
         let why = SessionError::Unavailable("the server is stopping".to_owned());
-        // What is stored of sessions that panicked is right, and what is here is not.
-        for key in std::mem::take(&mut self.fallen) {
+        // What is stored of sessions that panicked, or are being woken, is right, and what is here is not.
+        let waking = self.give_up_all_waking(&why).into_iter().map(|(session, _)| session.key);
+        for key in std::mem::take(&mut self.fallen).into_iter().chain(waking) {
             self.remove(key, &why);
         }
         self.stand_still(deadline);
@@ -83,7 +84,7 @@ impl Engine {
         {
             if let Some(simulation) = self.simulations.get_mut(&key) {
                 simulation.next.checkpoint = true;
-                cells += simulation.session.spec.grid.cells();
+                cells += simulation.session.spec.grid.padded_cells();
                 self.simulations.set_active(key, true);
                 wave.insert(key);
             }

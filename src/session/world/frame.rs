@@ -5,8 +5,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::engine::frame::{EngineError, Frame, Outcome, Work};
-use crate::parallel;
+use firn_engine::frame::{EngineError, Frame, Outcome, Work};
+use firn_engine::parallel;
+
+use crate::session::charge::{Bill, Charge, who_waits};
 use crate::session::error::SessionError;
 use crate::session::gather::MOST_SAMPLES;
 use crate::session::journal::Left;
@@ -33,10 +35,16 @@ impl Engine {
             samples: &AtomicU64::new(MOST_SAMPLES),
             slipped_us: &self.vitals.slipped_us,
         };
-        let Planned { work, part, mut idle, mut failed } =
-            plan(&mut self.simulations, |simulation| simulation.plan(turn));
+        // Nobody waits where all of them are brought back or saved.
+        let take_turns = !self.reviving && self.stop.is_none();
+        let Planned { work, part, mut idle, mut failed, waiting } =
+            plan(&mut self.simulations, turn, take_turns);
+        self.vitals.waits.fetch_add(waiting.over_share + waiting.for_others, Ordering::Relaxed);
+        // What a share allows is a matter of time: the next beat is soon enough.
+        self.busy |= waiting.for_others > 0;
         let mut time = FrameTime { sessions: part.len() as u32, ..FrameTime::default() };
         time.parts.planning = lap.next();
+        let refusal = self.journal.refusal();
         if !part.is_empty() {
             self.backend.submit(Frame { work })?;
             time.parts.submitting = lap.next();
@@ -47,8 +55,9 @@ impl Engine {
             };
             time.parts.waiting = lap.next();
             time.published_tiles = outcome.published.count();
-            let refusal = self.journal.refusal();
-            for done in conclude(part, outcome, time.parts.backend(), refusal.as_ref()) {
+            let bill = Bill { took: time.parts.backend(), units: units(&part, &outcome) };
+            self.vitals.charge(bill.sum());
+            for done in conclude(part, outcome, bill, refusal.as_ref()) {
                 match done.left {
                     Some(left) => {
                         time.checkpoints += u32::from(left.checkpoint.is_some());
@@ -65,7 +74,10 @@ impl Engine {
         }
         self.journal.send();
         failed.into_iter().for_each(|key| self.fell(key));
-        idle.into_iter().for_each(|key| self.review(key));
+        for key in idle {
+            self.guard(key, |simulation| simulation.let_go_held(refusal.as_ref()));
+            self.review(key);
+        }
         time.parts.concluding = lap.next();
         Ok(time)
     }
@@ -80,15 +92,24 @@ struct Planned<'s> {
     idle: Vec<u64>,
     /// Keys of those that panicked.
     failed: Vec<u64>,
+    waiting: Waiting,
 }
 
-/// Asks the active simulations what they do in a frame.
-fn plan(
-    simulations: &mut Simulations,
-    ask: impl Fn(&mut Simulation) -> Option<Work> + Sync + Send,
-) -> Planned<'_> {
+/// How many wait for another frame.
+#[derive(Default)]
+struct Waiting {
+    /// Because their tenant has had its share of the device.
+    over_share: u64,
+    /// Because others have had less of the device.
+    for_others: u64,
+}
+
+/// Asks the active simulations what they do in a frame. Those that take long may have to wait.
+fn plan<'s>(simulations: &'s mut Simulations, turn: Turn, take_turns: bool) -> Planned<'s> {
     let mut part = simulations.active_mut();
-    let plans = parallel::each(part.iter_mut().collect(), |simulation| caught(|| ask(simulation)));
+    let waiting = if take_turns { wait(&mut part, turn) } else { Waiting::default() };
+    let plans =
+        parallel::each(part.iter_mut().collect(), |simulation| caught(|| simulation.plan(turn)));
     let (mut idle, mut failed) = (Vec::new(), Vec::new());
     let mut members = std::mem::take(&mut part).into_iter();
     part.reserve(plans.len());
@@ -104,7 +125,47 @@ fn plan(
         }
         None
     });
-    Planned { work: work.collect(), part, idle, failed }
+    Planned { work: work.collect(), part, idle, failed, waiting }
+}
+
+/// Takes those out that wait for another frame.
+fn wait(part: &mut Vec<&mut Simulation>, turn: Turn) -> Waiting {
+    let claims = |simulation: &Simulation| simulation.claims(turn);
+    let over_share = take_out(part, turn, |part| {
+        let over = |simulation: &Simulation| {
+            let tenant = simulation.session.tenant.as_ref();
+            tenant.is_some_and(|tenant| tenant.is_over_its_share(turn.frame))
+        };
+        let all = (0..).zip(part);
+        all.filter(|(_, sim)| over(sim) && claims(sim)).map(|(place, _)| place).collect()
+    });
+    let for_others = take_out(part, turn, |part| {
+        let all = (0..).zip(part);
+        let heavy = all.filter(|(_, sim)| sim.charge.is_heavy(turn.frame) && claims(sim));
+        let (places, charges): (Vec<usize>, Vec<Charge>) =
+            heavy.map(|(place, sim)| (place, sim.charge)).unzip();
+        who_waits(&charges, turn.frame).into_iter().map(|claim| places[claim]).collect()
+    });
+    Waiting { over_share, for_others }
+}
+
+/// Has some simulations wait for another frame. Returns how many.
+fn take_out(
+    part: &mut Vec<&mut Simulation>,
+    turn: Turn,
+    who: impl FnOnce(&[&mut Simulation]) -> Vec<usize>,
+) -> u64 {
+    let mut waits = vec![false; part.len()];
+    who(part).into_iter().for_each(|place| waits[place] = true);
+    let (before, mut waits) = (part.len(), waits.into_iter());
+    part.retain_mut(|simulation| {
+        let waits = waits.next() == Some(true);
+        if waits {
+            simulation.wait(turn);
+        }
+        !waits
+    });
+    (before - part.len()) as u64
 }
 
 /// What has to be done after a simulation has taken in its outcome.
@@ -116,25 +177,29 @@ struct Concluded {
     review: bool,
 }
 
+/// Units that a frame had.
+fn units(part: &[&mut Simulation], outcome: &Outcome) -> u64 {
+    let each = part.iter().zip(&outcome.work);
+    each.map(|(simulation, work)| simulation.portions.units(work)).sum()
+}
+
 /// Lets simulations take in their outcomes, in the order of the frame's work; changes that have waited
 /// for that are made, or refused. For most of them there is nothing to be done after that.
 fn conclude(
     part: Vec<&mut Simulation>,
     outcome: Outcome,
-    took: Duration,
+    bill: Bill,
     refusal: Option<&SessionError>,
 ) -> impl Iterator<Item = Concluded> + use<> {
     let published = &outcome.published;
     let concluded = parallel::each_pair(part, outcome.work, |simulation, work| {
         let left = caught(|| {
-            simulation.fit_portions(took);
+            let units = simulation.portions.units(&work);
+            simulation.charge(units, bill.part(units));
             let tiles = published.tiles(work.tiles.clone());
             simulation.conclude(work, tiles);
             let left = simulation.leave();
-            match refusal {
-                Some(why) => simulation.refuse_held(why),
-                None => simulation.release_held(),
-            }
+            simulation.let_go_held(refusal);
             left
         });
         let review = simulation.has_orders() || !simulation.wants_frames();

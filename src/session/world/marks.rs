@@ -25,7 +25,8 @@ impl Engine {
 
     /// Marks how far a session has come, where that is not known already.
     pub(super) fn mark(&mut self, key: u64) {
-        if !self.journal.durable {
+        // What is being woken has not come to what is marked already.
+        if !self.journal.durable || self.waking.contains_key(&key) {
             return;
         }
         let Some(simulation) = self.simulations.get_mut(&key) else { return };

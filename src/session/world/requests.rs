@@ -3,22 +3,24 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use firn_engine::frame::{EngineError, SampleBox};
+use firn_engine::made::Made;
 use tracing::warn;
 
-use crate::engine::frame::{EngineError, SampleBox};
+use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::{Ack, Identity, Log, Record, Submission};
 use crate::session::message::Message;
-use crate::session::object_rows::ObjectRows;
 use crate::session::once::Done;
-use crate::session::orders::{Answer, MOST_EDITS, Reply, refuse};
+use crate::session::orders::Reply;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 use crate::session::token::TokenHashes;
 
 use super::Fault;
 use super::engine::Engine;
+use super::revive::Room;
 
 impl Engine {
     /// Takes a request in. Returns false where it says to stop.
@@ -26,15 +28,16 @@ impl Engine {
     /// # Errors
     /// Those of the backend, where a session is woken.
     pub(super) fn take_message(&mut self, message: Message) -> Result<bool, EngineError> {
+        let Some(message) = self.put_off(message)? else { return Ok(true) };
         match message {
-            Message::Create { session, saved, done, reply } => {
-                self.create(session, saved, done, reply);
+            Message::Create { session, made, saved, done, reply } => {
+                self.create(session, made, saved, done, reply);
             }
             Message::Delete { key, reply } => {
                 if self.simulations.contains_key(&key) || self.hibernating.contains_key(&key) {
                     self.delete(key, Some(reply));
                 } else {
-                    refuse(reply, &gone());
+                    reply.refuse(&gone());
                 }
             }
             Message::Change { key, change, once, reply } => {
@@ -43,40 +46,42 @@ impl Engine {
                     sim.between_ticks(reply, move |sim, reply| {
                         sim.change(change, once, most, reply);
                     });
-                })?;
+                });
             }
             Message::Step { key, step, reply } => {
-                self.alter(key, reply, |sim, reply| sim.step_after_changes(step, reply))?;
+                self.alter(key, reply, |sim, reply| sim.step_after_changes(step, reply));
             }
             Message::Reset { key, saved, reply } => {
-                self.alter(key, reply, |sim, reply| sim.reset_between_ticks(saved, reply))?;
+                self.alter(key, reply, |sim, reply| sim.reset_between_ticks(saved, reply));
             }
             Message::Tokens { key, hashes, reply } => {
                 self.set_tokens(key, hashes, reply);
             }
             Message::Snapshot { key, reply } => {
-                self.order(key, reply, |sim, reply| sim.next.snapshots.push(reply))?;
+                self.order(key, reply, |sim, reply| sim.next.snapshots.push(reply));
             }
             Message::Gather { key, tiles, reply } => {
-                self.order(key, reply, |sim, reply| sim.next.gathers.push((tiles, reply)))?;
+                self.order(key, reply, |sim, reply| sim.next.gathers.push((tiles, reply)));
             }
             Message::Sample { key, columns, y0, height, reply } => {
                 self.order(key, reply, |sim, reply| {
                     let dt = sim.cycle_length();
                     sim.next.samples.push((SampleBox { columns, y0, height, dt }, reply));
-                })?;
+                });
             }
             Message::Mass { key, reply } => {
-                self.order(key, reply, |sim, reply| sim.next.tallies.push(reply))?;
+                self.order(key, reply, |sim, reply| sim.next.tallies.push(reply));
             }
             Message::Inspect { key, look, reply } => {
-                self.wake(key)?;
                 let result = self.with(key, |simulation| look(simulation));
                 // Here and below: whoever has gone away needs no answer.
-                drop(reply.send(result));
+                reply.give(result);
             }
-            Message::Wake { key } => self.wake(key)?,
-            Message::Nudge => {}
+            Message::Unlock { session, reply } => self.unlock(session, reply),
+            Message::Woken { key, generation, decoded } => {
+                self.woken(key, generation, *decoded)?;
+            }
+            Message::Wake { .. } | Message::Nudge => {}
             Message::Break(Fault::LoseDevice) => self.backend.lose(),
             Message::Break(Fault::Panic) => panic!("a test asked for this"),
             Message::Stop(deadline) => {
@@ -90,35 +95,28 @@ impl Engine {
     fn create(
         &mut self,
         session: Arc<Session>,
+        made: Made,
         saved: Option<Box<Snapshot>>,
         done: Option<Arc<Done>>,
         reply: Answer<()>,
     ) {
         if let Some(why) = self.journal.refusal() {
-            refuse(reply, &why);
+            reply.refuse(&why);
             return;
         }
-        let mut rows = ObjectRows::new(self.object_rows.clone());
-        let taken = saved.as_ref().map_or(0, |snapshot| snapshot.object_rows());
-        if let Err(why) = rows.try_take(taken) {
-            refuse(reply, &why);
-            return;
-        }
-        let slot = self.slots.take();
-        let layout = Simulation::layout(&session.spec);
-        if let Err(failure) = self.backend.create(slot, &layout) {
-            self.slots.give_back(slot);
-            let refused = match failure {
-                EngineError::OutOfMemory(_) => SessionError::OutOfMemory(failure.to_string()),
-                _ => SessionError::Unavailable(failure.to_string()),
-            };
-            warn!(session = session.id, "not created: {failure}");
-            refuse(reply, &refused);
-            return;
-        }
+        let Room { slot, object_rows, units } = match self.take_in(saved.as_deref(), made) {
+            Ok(room) => room,
+            Err(failure) => {
+                warn!(session = session.id, "not created: {failure}");
+                reply.refuse(&failure.into());
+                return;
+            }
+        };
         let key = session.key;
         let log = Log::created(Arc::new(session.identity()), session.origin.clone(), done);
-        self.simulations.insert(key, Simulation::new(session, slot, self.frame, log, rows));
+        let mut simulation = Simulation::new(session, slot, self.frame, log, object_rows);
+        simulation.portions.furnish(units);
+        self.simulations.insert(key, simulation);
         self.guard(key, |simulation| {
             simulation.begin(saved.as_deref());
             simulation.next.replies.push(Reply::Created(reply));
@@ -134,7 +132,7 @@ impl Engine {
         };
         let refusal = self.journal.refusal().or_else(|| session.is_none().then(gone));
         let (None, Some(session)) = (refusal.clone(), session.cloned()) else {
-            refuse(reply, &refusal.unwrap_or_else(gone));
+            reply.refuse(&refusal.unwrap_or_else(gone));
             return;
         };
         let identity = Arc::new(Identity { tokens, ..session.identity() });
@@ -142,7 +140,7 @@ impl Engine {
             if durable.is_ok() {
                 session.set_tokens(tokens);
             }
-            drop(reply.send(durable));
+            reply.give(durable);
         });
         let records = vec![Record::Identity(identity)];
         self.journal.add(Submission { key, generation, records, acks: vec![ack] });
@@ -155,12 +153,9 @@ impl Engine {
         key: u64,
         reply: Answer<T>,
         act: impl FnOnce(&mut Simulation, Answer<T>),
-    ) -> Result<(), EngineError> {
+    ) {
         match self.journal.refusal() {
-            Some(why) => {
-                refuse(reply, &why);
-                Ok(())
-            }
+            Some(why) => reply.refuse(&why),
             None => self.order(key, reply, act),
         }
     }
@@ -171,22 +166,17 @@ impl Engine {
         key: u64,
         reply: Answer<T>,
         act: impl FnOnce(&mut Simulation, Answer<T>),
-    ) -> Result<(), EngineError> {
-        self.wake(key)?;
+    ) {
         if !self.simulations.contains_key(&key) {
-            let asleep = self.hibernating.contains_key(&key);
-            refuse(reply, &if asleep { no_room() } else { gone() });
-            return Ok(());
+            reply.refuse(&gone());
+            return;
         }
         let frame = self.frame;
-        let edits = self.guard(key, |simulation| {
+        self.guard(key, |simulation| {
             simulation.catch_up(frame);
             act(simulation, reply);
-            simulation.next.edits.len()
         });
-        self.full |= edits.is_some_and(|edits| edits >= MOST_EDITS);
         self.review(key);
-        Ok(())
     }
 
     fn with<T>(
@@ -222,11 +212,6 @@ impl Engine {
     }
 }
 
-fn gone() -> SessionError {
+pub(super) fn gone() -> SessionError {
     SessionError::NotFound { kind: "session", id: "deleted meanwhile".to_owned() }
-}
-
-fn no_room() -> SessionError {
-    let why = "the session hibernates, and there is no room on the device to wake it".to_owned();
-    SessionError::OutOfMemory(why)
 }

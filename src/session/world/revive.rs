@@ -5,15 +5,17 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
+use firn_engine::frame::{EngineError, Slot};
+use firn_engine::made::{Made, Maker};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use tracing::{error, info, warn};
 
-use crate::engine::frame::EngineError;
 use crate::session::error::{Invalid, SessionError};
 use crate::session::handle::Session;
-use crate::session::journal::{Log, Replay, Stored, Submission};
+use crate::session::journal::{Log, Record, Replay, Stored, Submission};
 use crate::session::object_rows::ObjectRows;
 use crate::session::orders::Orders;
+use crate::session::portion::Portions;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 use crate::session::spec::Limits;
@@ -31,17 +33,19 @@ pub(super) struct Revival {
     at_start: bool,
     /// Reads that wait for it.
     reads: Orders,
+    /// What has to be written before it comes back, beside its mark.
+    first: Vec<Record>,
 }
 
 impl Revival {
     /// Of a session that was stored when the server was started.
-    pub fn at_start(session: Arc<Session>, stored: Stored) -> Revival {
-        Revival { session, stored, at_start: true, reads: Orders::default() }
+    pub fn at_start(session: Arc<Session>, stored: Stored, first: Vec<Record>) -> Revival {
+        Revival { session, stored, at_start: true, reads: Orders::default(), first }
     }
 
     /// Of a session that has lost its memory on the device.
     pub fn anew(session: Arc<Session>, stored: Stored) -> Revival {
-        Revival { session, stored, at_start: false, reads: Orders::default() }
+        Revival { session, stored, at_start: false, reads: Orders::default(), first: Vec::new() }
     }
 
     /// How far it has come, for the journal: its time stands still from there.
@@ -50,10 +54,46 @@ impl Revival {
         Submission::of_mark(self.session.key, *generation, mark.clone())
     }
 
+    /// The same, with what has to be written before it comes back.
+    fn begin(&mut self) -> Submission {
+        let mut submission = self.mark();
+        submission.records.splice(0..0, std::mem::take(&mut self.first));
+        submission
+    }
+
     /// With reads that wait for it.
     pub fn with(self, reads: Orders) -> Revival {
         Revival { reads, ..self }
     }
+}
+
+/// A session as it was stored, ready to be taken in.
+pub(in crate::session) struct Decoded {
+    snapshot: Option<Snapshot>,
+    made: Made,
+}
+
+impl Decoded {
+    /// Reads what is stored of a session. That takes memory and a while; any thread does it.
+    ///
+    /// # Errors
+    /// Where it can't be read, or there is no memory for it.
+    pub fn new(session: &Session, stored: &Stored, maker: Maker) -> Result<Decoded, SessionError> {
+        let checkpoint = stored.checkpoint.as_ref();
+        let snapshot = checkpoint.map(|saved| Snapshot::decode(&saved.snapshot, &Limits::NONE));
+        let snapshot = snapshot.transpose()?;
+        let made = maker.make(Simulation::layout(&session.spec))?;
+        Ok(Decoded { snapshot, made })
+    }
+}
+
+/// What a session takes of the device.
+pub(super) struct Room {
+    pub slot: Slot,
+    /// In the tables of objects.
+    pub object_rows: ObjectRows,
+    /// Units that furnishing its memory costs.
+    pub units: u64,
 }
 
 impl Engine {
@@ -67,7 +107,8 @@ impl Engine {
         if !self.vitals.is_recovered() {
             // Seqs that anybody is told from here on are never given out again, nor is the time
             // since the last heartbeat ever counted.
-            self.comebacks.values().for_each(|revival| self.journal.add(revival.mark()));
+            let begun = self.comebacks.values_mut().map(Revival::begin);
+            begun.for_each(|submission| self.journal.add(submission));
             self.journal.beat(self.frame);
             self.journal.flush();
         }
@@ -107,13 +148,14 @@ impl Engine {
         let mut cells = 0;
         let fits = |revival: &&mut Revival| {
             let first = cells == 0;
-            cells += revival.session.spec.grid.cells();
+            cells += revival.session.spec.grid.padded_cells();
             first || cells <= WAVE
         };
         let copy = |revival: &mut Revival| Revival {
             session: revival.session.clone(),
             stored: revival.stored.clone(),
             reads: std::mem::take(&mut revival.reads),
+            first: Vec::new(),
             ..*revival
         };
         self.comebacks.values_mut().take_while(fits).map(copy).collect()
@@ -123,34 +165,22 @@ impl Engine {
     ///
     /// # Errors
     /// Those of the backend.
-    pub(super) fn revive(&mut self, wave: Vec<Revival>) -> Result<(), EngineError> {
+    fn revive(&mut self, wave: Vec<Revival>) -> Result<(), EngineError> {
         let others = self.simulations.take_active();
         self.reviving = true;
-        let decoded: Vec<(Revival, Result<Option<Snapshot>, SessionError>)> =
-            wave.into_par_iter()
-                .map(|revival| {
-                    let snapshot =
-                        revival.stored.checkpoint.as_ref().map(|checkpoint| {
-                            Snapshot::decode(&checkpoint.snapshot, &Limits::NONE)
-                        });
-                    (revival, snapshot.transpose())
-                })
-                .collect();
+        let maker = self.backend.maker();
+        let decoded: Vec<(Revival, Result<Decoded, SessionError>)> = wave
+            .into_par_iter()
+            .map(|revival| {
+                let decoded = Decoded::new(&revival.session, &revival.stored, maker);
+                (revival, decoded)
+            })
+            .collect();
         let mut keys = HashSet::new();
-        for (revival, snapshot) in decoded {
-            let (key, id) = (revival.session.key, revival.session.id.clone());
-            match snapshot {
-                Ok(snapshot) => {
-                    if self.begin_revival(revival, snapshot)? {
-                        keys.insert(key);
-                    }
-                }
-                Err(why) => {
-                    let why = reasons(&why);
-                    error!(session = id, "its checkpoint can't be read, and stays stored: {why}");
-                    self.vitals.store.lost(1);
-                    self.set_aside(revival, why);
-                }
+        for (revival, decoded) in decoded {
+            let key = revival.session.key;
+            if self.begin_life(revival, decoded, Portions::for_replay())?.is_ok() {
+                keys.insert(key);
             }
         }
         let replayed = self.replay(&keys);
@@ -159,45 +189,33 @@ impl Engine {
         replayed
     }
 
-    /// Gives up a session that can't be brought back.
-    fn set_aside(&mut self, revival: Revival, why: String) {
-        let Revival { session, at_start, reads, .. } = revival;
-        reads.refuse(&SessionError::Internal(why));
-        if !at_start {
-            self.forget(session.key, &session);
-        }
-    }
-
-    /// Makes room for a session and begins its replay. Returns whether there was room.
-    fn begin_revival(
+    /// Makes room for a session and begins its replay. Where there is no room it goes on hibernating, and
+    /// where it can't be read it is set aside; whoever waits for it is told why.
+    ///
+    /// # Errors
+    /// Those of the backend.
+    pub(super) fn begin_life(
         &mut self,
         revival: Revival,
-        snapshot: Option<Snapshot>,
-    ) -> Result<bool, EngineError> {
-        let mark = revival.mark();
-        let Revival { session, stored, at_start, reads } = revival;
-        let (key, slot) = (session.key, self.slots.take());
-        let mut rows = ObjectRows::new(self.object_rows.clone());
-        let room = rows.try_take(snapshot.as_ref().map_or(0, Snapshot::object_rows));
-        let made = match room {
-            Ok(()) => self.backend.create(slot, &Simulation::layout(&session.spec)),
-            Err(why) => Err(EngineError::OutOfMemory(why.to_string())),
-        };
-        match made {
-            Ok(()) => {}
-            Err(EngineError::OutOfMemory(why)) => {
-                warn!(session = session.id, "it goes on hibernating: {why}");
-                self.slots.give_back(slot);
-                session.hibernating.store(true, Ordering::Relaxed);
-                reads.refuse(&SessionError::OutOfMemory(why));
-                self.hibernating.insert(key, session);
-                self.count_hibernating();
-                self.journal.add(mark);
-                self.schedule(key);
-                return Ok(false);
+        decoded: Result<Decoded, SessionError>,
+        portions: Portions,
+    ) -> Result<Result<(), SessionError>, EngineError> {
+        let room = match decoded {
+            Ok(Decoded { snapshot, made }) => {
+                self.take_in(snapshot.as_ref(), made).map(|room| (room, snapshot))
             }
+            Err(SessionError::OutOfMemory(why) | SessionError::NoMemory(why)) => {
+                Err(EngineError::OutOfMemory(why))
+            }
+            Err(why) => return Ok(Err(self.set_aside(revival, &why))),
+        };
+        let (Room { slot, object_rows, units }, snapshot) = match room {
+            Ok(room) => room,
+            Err(EngineError::OutOfMemory(why)) => return Ok(Err(self.hibernate_on(revival, why))),
             Err(failure) => return Err(failure),
-        }
+        };
+        let Revival { session, stored, at_start, reads, .. } = revival;
+        let key = session.key;
         session.hibernating.store(false, Ordering::Relaxed);
         let mut log = Log::resumed(&stored);
         if !at_start {
@@ -205,15 +223,70 @@ impl Engine {
             let lost = log.lose(stored.mark.seq + 1, session.mirror().seq);
             session.set_lost_seqs(lost);
         }
-        let mut simulation = Simulation::new(session, slot, self.frame, log, rows);
+        let mut simulation = Simulation::new(session, slot, self.frame, log, object_rows);
         simulation.brought_back = !at_start;
+        simulation.portions = portions;
+        simulation.portions.furnish(units);
         self.simulations.insert(key, simulation);
         self.simulations.set_active(key, true);
         self.guard(key, |simulation| {
             simulation.begin_replay(snapshot.as_ref(), Replay::new(&stored, at_start));
             simulation.waiting_reads = reads;
         });
-        Ok(true)
+        Ok(Ok(()))
+    }
+
+    /// Has the backend take a snowpack in.
+    ///
+    /// # Errors
+    /// Those of the backend.
+    pub(super) fn take_in(
+        &mut self,
+        saved: Option<&Snapshot>,
+        made: Made,
+    ) -> Result<Room, EngineError> {
+        let mut object_rows = ObjectRows::new(self.object_rows.clone());
+        object_rows
+            .try_take(saved.map_or(0, Snapshot::object_rows))
+            .map_err(|why| EngineError::OutOfMemory(why.to_string()))?;
+        let slot = self.slots.take();
+        match self.backend.take_in(slot, made) {
+            Ok(units) => Ok(Room { slot, object_rows, units }),
+            Err(failure) => {
+                self.slots.give_back(slot);
+                Err(failure)
+            }
+        }
+    }
+
+    /// Leaves a session hibernating for which there is no room.
+    fn hibernate_on(&mut self, revival: Revival, why: String) -> SessionError {
+        let mark = revival.mark();
+        let Revival { session, reads, .. } = revival;
+        warn!(session = session.id, "it goes on hibernating: {why}");
+        session.hibernating.store(true, Ordering::Relaxed);
+        let why = SessionError::OutOfMemory(why);
+        reads.refuse(&why);
+        let key = session.key;
+        self.hibernating.insert(key, session);
+        self.count_hibernating();
+        self.journal.add(mark);
+        self.schedule(key);
+        why
+    }
+
+    /// Gives up a session that can't be brought back.
+    fn set_aside(&mut self, revival: Revival, why: &SessionError) -> SessionError {
+        let Revival { session, at_start, reads, .. } = revival;
+        let why = reasons(why);
+        error!(session = session.id, "its checkpoint can't be read, and stays stored: {why}");
+        self.vitals.store.lost(1);
+        let why = SessionError::Internal(why);
+        reads.refuse(&why);
+        if !at_start {
+            self.forget(session.key, &session);
+        }
+        why
     }
 
     /// Carries out frames until sessions have gone through everything again, and publishes them.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::engine::frame::Slot;
+use firn_engine::frame::Slot;
 
 /// Rows of the backend's tables, lowest free one first.
 #[derive(Debug, Default)]

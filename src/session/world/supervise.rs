@@ -1,5 +1,6 @@
 //! What happens when frames can't be carried out any more: the device is opened anew, and every
-//! session brought back.
+//! session brought back. Each attempt that fails is followed by a longer wait, until nothing but a new
+//! process helps.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering;
@@ -8,22 +9,27 @@ use std::time::{Duration, Instant};
 use tracing::{error, info, warn};
 
 use crate::session::error::SessionError;
+use crate::session::message::Message;
 
+use super::backoff::Backoff;
 use super::engine::Engine;
 use super::revive::Revival;
 
-/// Attempts to open a device, and time between them.
-const ATTEMPTS: u32 = 20;
-const BETWEEN_ATTEMPTS: Duration = Duration::from_millis(500);
-
-/// Failures within some time after which going on makes no sense.
-const MOST_FAILURES: usize = 5;
-const FAILURES_WITHIN: Duration = Duration::from_secs(60);
+/// What comes of a failure.
+#[derive(Debug, PartialEq, Eq)]
+enum Next {
+    /// The device is open again.
+    GoOn,
+    /// The server was told to stop meanwhile.
+    Stop,
+    /// Nothing helps any more.
+    GiveUp,
+}
 
 impl Engine {
     /// Runs until it is told to stop or nothing helps any more.
     pub(super) fn supervise(mut self) {
-        let mut failures: Vec<Instant> = Vec::new();
+        let mut backoff = Backoff::default();
         loop {
             let why = match catch_unwind(AssertUnwindSafe(|| self.run())) {
                 Ok(Ok(())) => break,
@@ -33,14 +39,14 @@ impl Engine {
                 }
                 Err(_) => "the engine has failed and is started anew",
             };
-            failures.retain(|failure| failure.elapsed() < FAILURES_WITHIN);
-            failures.push(Instant::now());
             error!("{why}");
-            if failures.len() > MOST_FAILURES || !self.open_anew(why) {
-                error!("giving up: only a restart helps");
-                self.vitals.healthy.store(false, Ordering::Relaxed);
-                self.stop = None;
-                break;
+            match self.rebuild(why, &mut backoff) {
+                Next::GoOn => {}
+                Next::Stop => break,
+                Next::GiveUp => {
+                    self.give_up(backoff.failures());
+                    break;
+                }
             }
         }
         let ended = catch_unwind(AssertUnwindSafe(|| self.finish()));
@@ -53,24 +59,66 @@ impl Engine {
         self.journal.stop();
     }
 
-    /// Opens a device and sees to it that every session is brought back on it.
-    fn open_anew(&mut self, why: &str) -> bool {
+    fn give_up(&mut self, failures: u32) {
+        error!(
+            "giving up after {failures} failures in a row: only a restart helps; what was acknowledged \
+             is stored"
+        );
+        self.stop = None;
+        self.vitals.give_up();
+    }
+
+    /// Opens a device, after a wait where that is not the first attempt, and sees to it that every
+    /// session is brought back on it.
+    fn rebuild(&mut self, why: &str, backoff: &mut Backoff) -> Next {
         let began = Instant::now();
+        self.vitals.healthy.store(false, Ordering::Relaxed);
         self.refuse_everybody(why);
-        for attempt in 1..=ATTEMPTS {
-            match (self.open)() {
-                Ok(backend) => {
+        loop {
+            let Some(wait) = backoff.next(self.now()) else { return Next::GiveUp };
+            if !self.wait(wait, why) {
+                return Next::Stop;
+            }
+            self.vitals.rebuilds.fetch_add(1, Ordering::Relaxed);
+            match catch_unwind(AssertUnwindSafe(|| (self.open)())) {
+                Ok(Ok(backend)) => {
                     // The old one is dropped here; what it says about that is nobody's business.
                     let old = std::mem::replace(&mut self.backend, backend);
                     let _ = catch_unwind(AssertUnwindSafe(|| drop(old)));
                     info!("the device is open again after {:.1?}", began.elapsed());
-                    return true;
+                    self.vitals.healthy.store(true, Ordering::Relaxed);
+                    return Next::GoOn;
                 }
-                Err(failure) => warn!("opening the device, attempt {attempt}: {failure}"),
+                Ok(Err(failure)) => warn!("opening the device: {failure}"),
+                Err(_) => warn!("opening the device panicked"),
             }
-            std::thread::sleep(BETWEEN_ATTEMPTS);
         }
-        false
+    }
+
+    /// The present time of the world's clock.
+    fn now(&self) -> Instant {
+        let _inside = self.clock.enter();
+        tokio::time::Instant::now().into_std()
+    }
+
+    /// Lets some time pass. Whoever asks for something meanwhile is refused; false where that is to stop.
+    fn wait(&mut self, time: Duration, why: &str) -> bool {
+        let why = SessionError::Unavailable(format!("{why}; try again"));
+        let deadline = self.now() + time;
+        while self.now() < deadline {
+            let inbox = &mut self.inbox;
+            let next = async { tokio::time::timeout_at(deadline.into(), inbox.recv()).await };
+            match self.clock.block_on(next) {
+                Ok(Some(Message::Stop(until))) => {
+                    self.stop = Some(until);
+                    return false;
+                }
+                Ok(Some(message)) => message.refuse(&why),
+                Ok(None) => return false,
+                Err(_) => {}
+            }
+        }
+        true
     }
 
     /// Tells everybody who waits that it was for nothing, and takes all sessions off the device.
@@ -82,6 +130,9 @@ impl Engine {
         self.slots = Default::default();
         self.checkpointing = None;
         self.reviving = false;
+        for (session, stored) in self.give_up_all_waking(&why) {
+            self.comebacks.insert(session.key, Revival::anew(session, stored));
+        }
         for (key, mut simulation) in std::mem::take(&mut self.simulations).into_iter() {
             let session = simulation.session.clone();
             let until = simulation.until(self.frame);

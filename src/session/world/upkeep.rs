@@ -3,16 +3,18 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use tracing::{debug, info};
+use firn_engine::frame::{EngineError, cell_bytes};
+use firn_engine::reserve::ask_for;
+use firn_protocol::Settings;
+use tracing::{debug, info, warn};
 
-use crate::engine::frame::EngineError;
+use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::{Feedback, Left, Record, Submission};
-use crate::session::orders::Answer;
-use crate::session::view::Settings;
 
 use super::engine::Engine;
+use super::requests::gone;
 use super::revive::Revival;
 
 /// Sessions of which it is found out in one frame whether they are to be deleted.
@@ -20,6 +22,9 @@ const MOST_ENDS: usize = 256;
 
 /// Time between two attempts to delete a session that nobody wants.
 const RETRY: Duration = Duration::from_secs(1);
+
+/// Time between two attempts to save a session for which there was no memory.
+const RETRY_CHECKPOINT: Duration = Duration::from_secs(60);
 
 impl Engine {
     /// Does what is due in this frame. Sessions of which nothing is due are not looked at: there may
@@ -89,10 +94,12 @@ impl Engine {
                 None => return,
             },
         };
-        if self.leaving.contains_key(&key) {
+        // Where it is being woken, this is looked at again when it is awake.
+        if self.leaving.contains_key(&key) || self.waking.contains_key(&key) {
             return;
         }
-        let forsaken = kept.is_some_and(|kept| session.idle_for() >= kept);
+        // Of a locked one an administrator decides.
+        let forsaken = !session.is_locked() && kept.is_some_and(|kept| session.idle_for() >= kept);
         if !forsaken {
             self.schedule(key);
         } else if self.journal.refusal().is_some() {
@@ -109,13 +116,19 @@ impl Engine {
         let (frame, interval) = (self.frame, self.checkpoint_interval);
         let Some(simulation) = self.simulations.get_mut(&key) else { return };
         // Either is looked at again when that ends.
-        if simulation.step.is_some() || simulation.frozen || self.leaving.contains_key(&key) {
+        let elsewhere = self.leaving.contains_key(&key) || self.waking.contains_key(&key);
+        if simulation.step.is_some() || simulation.frozen || elsewhere {
             return;
         }
         let tired = simulation.is_tired();
         let due = simulation.log.checkpoint_due(interval);
         if !tired && due.is_none_or(|due| due > Instant::now()) {
             self.schedule(key);
+            return;
+        }
+        if let Err(error) = ask_for(cell_bytes(&simulation.session.spec.grid)) {
+            warn!(session = simulation.session.id, "no checkpoint for want of memory: {error}");
+            self.saves.set(key, Instant::now().checked_add(RETRY_CHECKPOINT));
             return;
         }
         simulation.catch_up(frame);
@@ -161,17 +174,21 @@ impl Engine {
     }
 
     /// Has sessions go back to what is durable of them.
-    fn go_back(&mut self, keys: &[u64]) -> Result<(), EngineError> {
+    pub(super) fn go_back(&mut self, keys: &[u64]) -> Result<(), EngineError> {
         let why = self.journal.refusal().unwrap_or_else(|| {
             SessionError::Unavailable("the session went back to what is stored".to_owned())
         });
         for &key in keys {
-            let Some(mut simulation) = self.simulations.remove(&key) else { continue };
+            let Some(mut simulation) = self.simulations.remove(&key) else {
+                self.wake_anew(key, &why);
+                continue;
+            };
             self.backend.release(simulation.slot);
             self.slots.give_back(simulation.slot);
             if self.checkpointing == Some(key) {
                 self.checkpointing = None;
             }
+            self.give_up_waking(key, &why);
             let session = simulation.session.clone();
             let reads = simulation.next.take_reads();
             let until = simulation.until(self.frame);
@@ -234,33 +251,6 @@ impl Engine {
         self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
     }
 
-    /// Wakes a session, if it hibernates, and brings it back, if it has panicked.
-    ///
-    /// # Errors
-    /// Those of the backend.
-    pub(super) fn wake(&mut self, key: u64) -> Result<(), EngineError> {
-        let frame = self.frame;
-        if let Some(simulation) = self.simulations.get_mut(&key)
-            && simulation.frozen
-        {
-            simulation.thaw(frame);
-            self.review(key);
-        }
-        if let Some(place) = self.fallen.iter().position(|&fallen| fallen == key) {
-            self.fallen.swap_remove(place);
-            return self.go_back(&[key]);
-        }
-        let Some(session) = self.hibernating.remove(&key) else { return Ok(()) };
-        self.count_hibernating();
-        let Some(stored) = self.journal.new_life(key, 0) else {
-            self.forget(key, &session);
-            return Ok(());
-        };
-        debug!(session = session.id, "wakes");
-        self.comebacks.insert(key, Revival::anew(session, stored));
-        self.bring_back()
-    }
-
     /// Deletes a session: first from the store, then from the device.
     pub(super) fn delete(&mut self, key: u64, reply: Option<Answer<()>>) {
         let generation = match self.simulations.get(&key) {
@@ -280,18 +270,18 @@ impl Engine {
     pub(super) fn deleted(&mut self, key: u64, result: &Result<(), SessionError>) {
         let waiting = self.leaving.remove(&key).unwrap_or_default();
         if result.is_ok() {
-            if let Some(session) = self.hibernating.remove(&key) {
-                self.count_hibernating();
+            let waking = self.give_up_waking(key, &gone()).map(|(session, _)| session);
+            if self.simulations.contains_key(&key) {
+                self.remove(key, &gone());
+            } else if let Some(session) = self.hibernating.remove(&key).or(waking) {
                 self.forget(key, &session);
-            } else if let Some(simulation) = self.simulations.get(&key) {
-                let id = simulation.session.id.clone();
-                self.remove(key, &SessionError::NotFound { kind: "session", id });
             }
+            self.count_hibernating();
         }
         self.schedule(key);
         for reply in waiting {
             // Whoever has gone away needs no answer.
-            drop(reply.send(result.clone()));
+            reply.give(result.clone());
         }
     }
 
@@ -303,8 +293,7 @@ impl Engine {
     pub(super) fn forget(&mut self, key: u64, session: &Session) {
         self.ends.remove(key);
         self.saves.remove(key);
-        self.names.remove(&session.id);
-        session.gone.cancel();
+        self.names.forget(session);
     }
 }
 

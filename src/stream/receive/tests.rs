@@ -2,13 +2,13 @@ use std::future::pending;
 use std::sync::Mutex;
 use std::time::Duration;
 
+use firn_protocol::{AirTemperature, Stamp};
 use futures_util::stream;
 use governor::{Quota, RateLimiter};
 use serde_json::Value;
 use tokio::sync::oneshot;
 
 use super::*;
-use crate::session::{AirTemperature, Stamp};
 
 type Applying = oneshot::Sender<Result<Applied, SessionError>>;
 
@@ -48,7 +48,7 @@ fn air(id: usize) -> Result<Message, axum::Error> {
 /// Bounds that nothing here reaches.
 fn free() -> Bounds<'static> {
     static IDLE: AtomicBool = AtomicBool::new(false);
-    Bounds { rate: rate(1_000_000), writing: &IDLE }
+    Bounds { rate: rate(1_000_000), writing: &IDLE, unfinished: None }
 }
 
 /// Some commands at once, and no more for a long time.

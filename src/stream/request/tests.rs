@@ -1,5 +1,8 @@
+use firn_protocol::stream::Command;
+use firn_protocol::{ColumnRegion, Resume};
+use firn_snow::{Position, Shape};
+
 use super::*;
-use crate::snow::{Position, Shape};
 
 fn refused(text: &str) -> (Option<i64>, u16, String) {
     let Err(refusal) = Request::parse(text) else { panic!("{text} was accepted") };
@@ -118,4 +121,49 @@ fn what_is_wrong_is_named_with_the_id_where_it_can_be_read() {
 #[test]
 fn a_ping_needs_no_id() {
     assert_eq!(Request::parse(r#"{"op":"ping"}"#), Ok(Request::Control(Control::Ping(None))));
+}
+
+#[test]
+fn every_command_of_a_client_is_read() {
+    let collider = ColliderSpec {
+        id: Some("sledge".to_owned()),
+        mass: 80.0,
+        shape: Shape::Disk { radius: 0.5 },
+        position: Position { x: 1.0, z: 2.0 },
+    };
+    let resume = Some(Resume { epoch: "e".to_owned(), seq: 7 });
+    let wish = Subscribe { stride: 2, colliders: true, resume, ..Subscribe::default() };
+    let region = Some(ColumnRegion { column_x: -1, column_z: 0, width: 8, depth: 9 });
+    let (update, snowfall) = (Update { region }, Snowfall::new(0.5));
+    let (clearing, air) = (Clearing { depth: 0.1, region: None }, AirTemperature { celsius: -5.0 });
+    let settings = SettingsPatch { paused: Some(true), ..SettingsPatch::default() };
+    let batch = ColliderBatch { put: vec![collider.clone()], delete: vec!["old".to_owned()] };
+    let change = |change, at| Request::Change { id: 1, change, at };
+    let delete = Change::DeleteCollider { id: "sledge".to_owned() };
+    for (command, read) in [
+        (
+            Command::Subscribe { id: 1, wish: wish.clone() },
+            Request::Control(Control::Subscribe(1, wish)),
+        ),
+        (Command::Update { id: 1, update }, Request::Control(Control::Update(1, update))),
+        (Command::Unsubscribe { id: 1 }, Request::Control(Control::Unsubscribe(1))),
+        (Command::Ping { id: None }, Request::Control(Control::Ping(None))),
+        (Command::Ping { id: Some(1) }, Request::Control(Control::Ping(Some(1)))),
+        (Command::Snowfall { id: 1, snowfall }, change(Change::Snowfall(snowfall), "")),
+        (Command::Clearing { id: 1, clearing }, change(Change::Clearing(clearing), "")),
+        (Command::AirTemperature { id: 1, air }, change(Change::AirTemperature(air), "")),
+        (Command::Set { id: 1, settings }, change(Change::Settings(settings), "")),
+        (
+            Command::PutCollider { id: 1, collider: collider.clone() },
+            change(Change::PutCollider(collider), "/collider"),
+        ),
+        (
+            Command::DeleteCollider { id: 1, collider: "sledge".to_owned() },
+            change(delete, "/collider"),
+        ),
+        (Command::Colliders { id: 1, batch: batch.clone() }, change(Change::Colliders(batch), "")),
+    ] {
+        let text = serde_json::to_string(&command).unwrap();
+        assert_eq!(Request::parse(&text), Ok(read), "{text}");
+    }
 }

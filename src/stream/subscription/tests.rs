@@ -1,8 +1,10 @@
+use firn_protocol::SessionSpec;
+use firn_snow::{Position, Shape};
 use serde_json::{Value, json};
 
+use crate::session::Clock;
+
 use super::*;
-use crate::session::{Clock, SessionSpec};
-use crate::snow::{Position, Shape};
 
 /// 20 × 12 columns: 3 × 2 tiles, those at the far edges clipped.
 fn mirror() -> Mirror {
@@ -11,7 +13,7 @@ fn mirror() -> Mirror {
         ..SessionSpec::default()
     };
     let clock = Clock::new(spec.tick_rate, spec.time_scale);
-    Mirror::new(spec.grid, spec.material, spec.settings(), clock)
+    Mirror::new(spec.grid, spec.material, spec.settings(), clock).unwrap()
 }
 
 fn collider(id: &str, x: f64) -> ColliderView {
@@ -43,15 +45,19 @@ fn begin(wish: &Subscribe, now: Instant) -> Result<Subscription, SessionError> {
         epoch: "e",
         seq: 5,
         lost: &[],
-        protocol: Protocol::Json,
+        protocol: SubProtocol::Json,
         encoded: &encoded,
     };
     Subscription::new(1, wish, source, now)
 }
 
+fn unsent() -> Budget {
+    Budget::new(1 << 20)
+}
+
 /// The next message, as one JSON value.
 fn message(subscription: &mut Subscription, mirror: &Mirror) -> Option<Value> {
-    let copied = subscription.copy(mirror, 0);
+    let copied = subscription.copy(mirror, 0, &unsent()).expect("there is room");
     let parts: Vec<_> = subscription.message(copied, Instant::now())?.collect();
     assert_eq!(parts.len(), 1);
     Some(serde_json::from_str(parts[0].to_text().unwrap()).unwrap())
@@ -62,6 +68,38 @@ fn tiles(message: &Value) -> Vec<(u64, u64)> {
     let corner =
         |tile: &Value| (tile["column_x"].as_u64().unwrap(), tile["column_z"].as_u64().unwrap());
     message["tiles"].as_array().unwrap().iter().map(corner).collect()
+}
+
+#[test]
+fn a_large_message_waits_for_memory_and_gives_it_back() {
+    let grid = Grid { width: 256, depth: 256, height: 4, cell_size: 0.5 };
+    let spec = SessionSpec { grid, ..SessionSpec::default() };
+    let clock = Clock::new(spec.tick_rate, spec.time_scale);
+    let mirror = Mirror::new(grid, spec.material, spec.settings(), clock).unwrap();
+    let encoded = EncodedTiles::default();
+    let source = Source {
+        grid,
+        epoch: "e",
+        seq: 5,
+        lost: &[],
+        protocol: SubProtocol::Json,
+        encoded: &encoded,
+    };
+    let mut all = Subscription::new(1, &Subscribe::default(), source, Instant::now()).unwrap();
+    let unsent = Budget::new(2 << 20);
+    let other = unsent.try_reserve(1 << 20).unwrap();
+    assert!(all.copy(&mirror, 0, &unsent).is_none());
+    let later = Instant::now() + Duration::from_secs(1);
+    all.put_off(later);
+    assert_eq!(all.due(), Some(later), "it is still due");
+    drop(other);
+    let copied = all.copy(&mirror, 0, &unsent).expect("there is room");
+    let parts = all.message(copied, Instant::now()).unwrap();
+    let held = unsent.held();
+    assert!(held > 700_000, "{held}");
+    let written: usize = parts.map(|part| part.to_text().unwrap().len()).sum();
+    assert!(written as u64 <= held, "{written} bytes of {held}");
+    assert_eq!(unsent.held(), 0);
 }
 
 #[test]
@@ -210,7 +248,7 @@ fn tell(paced: &mut Subscription, mirror: &mut Mirror, tick: u64, now: Instant) 
     mirror.colliders = Arc::new([collider("a", (mirror.seq % 9) as f64)]);
     paced.mark(tick);
     let now = paced.due().unwrap().max(now);
-    let copied = paced.copy(mirror, 0);
+    let copied = paced.copy(mirror, 0, &unsent()).expect("there is room");
     assert!(paced.message(copied, now).is_some());
     now
 }

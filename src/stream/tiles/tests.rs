@@ -1,8 +1,8 @@
+use firn_snow::{CELL, Position, Shape, TILE_COLUMNS};
 use proptest::prelude::*;
 use serde_json::Value;
 
 use super::*;
-use crate::snow::{CELL, Position, Shape, TILE_COLUMNS};
 
 fn written(quantum: f64, steps: u64) -> String {
     let mut out = Vec::new();
@@ -13,7 +13,7 @@ fn written(quantum: f64, steps: u64) -> String {
 fn sampling(width: u32, depth: u32, stride: u32) -> Sampling {
     let grid = Grid { width, depth, height: 50, cell_size: 0.2 };
     let quantum = Quantum::new(0.001).unwrap();
-    Sampling { grid, stride, quantum, protocol: Protocol::Json }
+    Sampling { grid, stride, quantum, protocol: SubProtocol::Json }
 }
 
 fn head(recovered: Option<bool>) -> Head {
@@ -139,7 +139,7 @@ fn long_colliders() -> Vec<Vec<u8>> {
 
 #[test]
 fn a_long_binary_message_is_cut_and_loses_nothing() {
-    let sampling = Sampling { protocol: Protocol::Binary, ..sampling(24, 24, 1) };
+    let sampling = Sampling { protocol: SubProtocol::Binary, ..sampling(24, 24, 1) };
     let colliders = long_colliders();
     let mut cut = Parts::new(head(Some(true)), sampling, nine(&sampling), Some(colliders.clone()));
     cut.largest = 500;
@@ -147,13 +147,13 @@ fn a_long_binary_message_is_cut_and_loses_nothing() {
     for part in cut {
         let Message::Binary(part) = part else { panic!("{part:?}") };
         assert!(part.len() <= 500, "{} bytes", part.len());
-        messages.push(codec::decode(&part).unwrap());
+        messages.push(heights::decode(&part).unwrap());
     }
     assert!(messages.len() > 4);
     let last = messages.len() - 1;
     for (i, message) in messages.iter().enumerate() {
         let recovered = (i == 0).then_some(true);
-        let head = codec::Head {
+        let head = heights::Head {
             snapshot: true,
             id: -4,
             seq: 6,
@@ -186,11 +186,11 @@ fn a_binary_tile_is_clipped_and_thinned_as_a_text_one_is() {
     for (width, depth, stride, tile) in [(10, 9, 1, 3), (8, 5, 4, 0), (20, 20, 8, 8)] {
         let text = sampling(width, depth, stride);
         let text: Value = serde_json::from_slice(&text.encode_tile(tile, &columns(0))).unwrap();
-        let binary = Sampling { protocol: Protocol::Binary, ..sampling(width, depth, stride) };
+        let binary = Sampling { protocol: SubProtocol::Binary, ..sampling(width, depth, stride) };
         let tiles = vec![(tile, binary.encode_tile(tile, &columns(0)).into())];
         let mut parts = Parts::new(head(None), binary, tiles, None);
         let Some(Message::Binary(part)) = parts.next() else { panic!("no part") };
-        let message = codec::decode(&part).unwrap();
+        let message = heights::decode(&part).unwrap();
         let (x, z, tile) = message.tiles().next().unwrap();
         assert_eq!((text["column_x"].as_u64(), text["column_z"].as_u64()), (Some(x), Some(z)));
         assert_eq!(text["width"], tile.width);

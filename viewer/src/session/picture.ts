@@ -82,7 +82,7 @@ export class Pictures {
     this.fetching = fetching;
     this.stale = false;
     try {
-      const query = { ...region, fields: [...(field?.needs ?? []), "fill" as const] };
+      const query = { ...region, fields: [...(field?.needs ?? []), "fill"] };
       const cells = await this.model.session.cells(query, fetching.signal);
       if (this.fetching !== fetching) return;
       this.picture.set(

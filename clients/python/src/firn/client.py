@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from types import TracebackType
-from typing import Any, Self, Unpack
+from typing import Any, Self, Unpack, cast
 
 import httpx
 
 from .problem import ProblemError
 from .session import Session
-from .types import SessionSpec, SessionView
+from .types import Readiness, SessionSpec, SessionView
 
 PATIENCE = httpx.Timeout(60, connect=5)
 """Longer than a server takes for a request: its `--request-timeout` is 30 s where nothing else is said."""
@@ -19,7 +19,7 @@ PATIENCE = httpx.Timeout(60, connect=5)
 class Client:
     """A Firn server over REST. Its calls raise `ProblemError` where the server refuses them.
 
-    `url` as in `http://127.0.0.1:8080`. `token`: the API key, or a session's token, where the server asks for one.
+    `url` as in `http://127.0.0.1:8080`. `token`: an API key, or a session's token, where the server asks for one.
     `options` go to `httpx.Client`, as `verify` or `timeout` do; without the latter a call waits for 60 s.
     """
 
@@ -68,9 +68,9 @@ class Client:
         """Every session, page by page."""
         yield from self._pages("/v1/sessions")
 
-    def readiness(self) -> dict[str, Any]:
+    def readiness(self) -> Readiness:
         """What the server runs on, and how much it holds."""
-        return dict(self.request("GET", "/readyz").json())
+        return cast(Readiness, self.request("GET", "/readyz").json())
 
     def _pages(self, path: str) -> Iterator[Any]:
         params: dict[str, str] = {}

@@ -16,16 +16,21 @@ from .types import (
     ClearingReply,
     Collider,
     ColliderSpec,
+    Column,
     Event,
+    HeightsQuery,
+    MassLedger,
     Probe,
     ProbeSpec,
     Region,
+    RenderQuery,
     SessionView,
     SettingsPatch,
     SnowfallReply,
     Stamp,
     StampedCollider,
     Step,
+    Usage,
 )
 
 if TYPE_CHECKING:
@@ -131,8 +136,9 @@ class Session:
     def put_collider(self, collider: ColliderSpec) -> StampedCollider:
         """Puts an object on the snow; replaces or moves the one of the same id."""
         body = {name: value for name, value in collider.items() if name != "id"}
-        if "id" in collider:
-            return cast(StampedCollider, self._call("PUT", f"/colliders/{quote(collider['id'], safe='')}", json=body))
+        id = collider.get("id")
+        if id is not None:
+            return cast(StampedCollider, self._call("PUT", f"/colliders/{quote(id, safe='')}", json=body))
         return cast(StampedCollider, self._call("POST", "/colliders", json=body))
 
     def delete_collider(self, id: str) -> None:
@@ -143,7 +149,7 @@ class Session:
         """Puts and removes up to 4096 objects in one frame, all or none."""
         return cast(Stamp, self._call("POST", "/colliders:batch", json={"put": list(put), "delete": list(delete)}))
 
-    def heights(self, **query: int | bool) -> Heights:
+    def heights(self, **query: Unpack[HeightsQuery]) -> Heights:
         """Snow depths; of a part by `column_x`, `column_z`, `width`, `depth`, `stride`; `surface` adds the ground."""
         params = {name: str(value).lower() for name, value in query.items()}
         headers = {"accept": "application/x-npy"}
@@ -155,9 +161,9 @@ class Session:
         """The snow depth at a point [m]."""
         return float(self._call("GET", "/height", params={"x": x, "z": z})["height"])
 
-    def column(self, column_x: int, column_z: int) -> dict[str, Any]:
+    def column(self, column_x: int, column_z: int) -> Column:
         """A column, layer by layer from the ground up, with its weak layers."""
-        return dict(self._call("GET", f"/columns/{column_x}/{column_z}"))
+        return cast(Column, self._call("GET", f"/columns/{column_x}/{column_z}"))
 
     def cells(self, fields: Iterable[str], **box: int) -> dict[str, NDArray[np.float64]]:
         """Fields of the fixed grid, each of shape (z, y, x), NaN outside the snow.
@@ -168,17 +174,21 @@ class Session:
         shape = (reply["depth"], reply["height"], reply["width"])
         return {name: np.array(values, np.float64).reshape(shape) for name, values in reply["fields"].items()}
 
-    def mass(self) -> dict[str, Any]:
+    def mass(self) -> MassLedger:
         """The mass balance [kg]."""
-        return dict(self._call("GET", "/mass"))
+        return cast(MassLedger, self._call("GET", "/mass"))
+
+    def usage(self) -> Usage:
+        """What it takes of the server: device time and memory."""
+        return cast(Usage, self._call("GET", "/usage"))
 
     def probe(self, probes: Iterable[ProbeSpec]) -> list[Probe]:
         """How deep loads would sink, without putting them there."""
         return list(self._call("POST", "/probes", json={"probes": list(probes)})["probes"])
 
-    def render(self, **query: Any) -> bytes:
+    def render(self, **query: Unpack[RenderQuery]) -> bytes:
         """A picture as PNG; `GET …/render.png` has the options, such as `view="surface"`, `field="density"`."""
-        return self.client.request("GET", f"{self.path}/render.png", params=query).content
+        return self.client.request("GET", f"{self.path}/render.png", params=dict(query)).content
 
     def profile(self, column_x: int, column_z: int) -> str:
         """Density and hardness of a column over its depth, drawn as SVG."""

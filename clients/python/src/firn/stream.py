@@ -18,7 +18,7 @@ from websockets.typing import Subprotocol
 from .codec import DecodeError, decode
 from .problem import ProblemError
 from .subscription import Subscription
-from .types import ColumnRegion, Event, Welcome
+from .types import Ack, ColumnRegion, Event, Welcome
 
 # Waiting time before a connection is tried again [s]: doubles from the first to the last.
 FIRST_WAIT, LONGEST_WAIT = 0.25, 5.0
@@ -56,7 +56,7 @@ class Stream:
         self._on_event = on_event
         self._ids = itertools.count(1)
         self._subscriptions: dict[int, Subscription] = {}
-        self._pending: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._pending: dict[int, asyncio.Future[Ack]] = {}
         self._socket: ClientConnection | None = None
         self._task: asyncio.Task[None] | None = None
         self._ended: Exception | None = None
@@ -109,7 +109,7 @@ class Stream:
         subscription._end(StopAsyncIteration())
         await self._tell({"op": "unsubscribe", "id": subscription.id})
 
-    async def command(self, op: str, **fields: Any) -> dict[str, Any]:
+    async def command(self, op: str, **fields: Any) -> Ack:
         """Sends a change as api/asyncapi.yaml names it: `await stream.command("snowfall", depth=0.2)`.
 
         Returns its `ack`. Raises `ProblemError` where it is refused, `Disconnected` where no answer came.
@@ -117,10 +117,10 @@ class Stream:
         if self._socket is None:
             raise self._ended or Disconnected("the stream is not connected")
         id = next(self._ids)
-        answer = self._pending[id] = asyncio.get_running_loop().create_future()
+        answer: asyncio.Future[Ack] = asyncio.get_running_loop().create_future()
+        self._pending[id] = answer
         await self._tell({"op": op, "id": id, **fields})
-        ack: dict[str, Any] = await answer
-        return ack
+        return await answer
 
     async def _connect(self) -> ClientConnection:
         """Connects and begins all subscriptions. Raises `ProblemError` where the server refuses."""
@@ -222,7 +222,7 @@ class Stream:
             subscription._end(iterations)
 
 
-def _settle(answer: asyncio.Future[dict[str, Any]], outcome: dict[str, Any] | Exception) -> None:
+def _settle(answer: asyncio.Future[Ack], outcome: Ack | Exception) -> None:
     if answer.done():
         return  # whoever asked has gone
     if isinstance(outcome, Exception):

@@ -1,35 +1,54 @@
 //! Heights as bytes of one format or another.
 
-use axum::http::{HeaderName, HeaderValue};
+use std::io::Write;
 
-use crate::session::Terrain;
-use crate::snow::Grid;
+use axum::http::{HeaderName, HeaderValue};
+use firn_protocol::Terrain;
+use firn_snow::Grid;
+
+use crate::http::handlers::reserved;
+use crate::problem::Problem;
+
+use super::Heights;
 
 /// A NumPy header, with what stands before it, is a multiple of this long \[bytes\].
 const NPY_ALIGNMENT: usize = 64;
 
+/// Characters of a height in JSON with what parts it from the next; few are longer.
+pub const LONGEST_NUMBER: usize = 22;
+
 /// 32-bit floats, little-endian.
-pub fn floats(heights: &[f64]) -> Vec<u8> {
-    heights.iter().flat_map(|&height| (height as f32).to_le_bytes()).collect()
+pub fn floats(heights: &Heights) -> Result<Vec<u8>, Problem> {
+    let mut file = reserved(4 * heights.quanta.len())?;
+    write_floats(heights, &mut file);
+    Ok(file)
+}
+
+fn write_floats(heights: &Heights, file: &mut Vec<u8>) {
+    file.extend(heights.metres().flat_map(|height| (height as f32).to_le_bytes()));
 }
 
 /// A NumPy array file of version 1.0.
-pub fn npy(heights: &[f64], width: u32, depth: u32) -> Vec<u8> {
+pub fn npy(heights: &Heights, width: u32, depth: u32) -> Result<Vec<u8>, Problem> {
+    let header = npy_header(width, depth);
+    let mut file = reserved(header.len() + 4 * heights.quanta.len())?;
+    file.extend(header);
+    write_floats(heights, &mut file);
+    Ok(file)
+}
+
+/// What stands before the numbers of a NumPy file.
+fn npy_header(width: u32, depth: u32) -> Vec<u8> {
     const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";
-    let mut header =
+    let mut text =
         format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({depth}, {width}), }}");
-    // The magic bytes, the header's length in two bytes, the header, a line feed.
-    let length = (MAGIC.len() + 2 + header.len() + 1).next_multiple_of(NPY_ALIGNMENT);
-    let padding = length - MAGIC.len() - 2 - header.len() - 1;
-    header.extend(std::iter::repeat_n(' ', padding));
-    header.push('\n');
-    let mut file = Vec::with_capacity(length + 4 * heights.len());
-    file.extend_from_slice(MAGIC);
-    let stated = u16::try_from(header.len()).expect("two numbers don't fill 64 KiB");
-    file.extend_from_slice(&stated.to_le_bytes());
-    file.extend_from_slice(header.as_bytes());
-    file.extend(heights.iter().flat_map(|&height| (height as f32).to_le_bytes()));
-    file
+    // The magic bytes, the text's length in two bytes, the text, a line feed.
+    let length = (MAGIC.len() + 2 + text.len() + 1).next_multiple_of(NPY_ALIGNMENT);
+    let padding = length - MAGIC.len() - 2 - text.len() - 1;
+    text.extend(std::iter::repeat_n(' ', padding));
+    text.push('\n');
+    let stated = u16::try_from(text.len()).expect("two numbers don't fill 64 KiB");
+    [MAGIC, &stated.to_le_bytes(), text.as_bytes()].concat()
 }
 
 /// What a grey value means.
@@ -74,7 +93,7 @@ impl Grey {
 /// # Errors
 /// Those of the encoder; none is known.
 pub fn png(
-    heights: &[f64],
+    heights: &Heights,
     width: u32,
     depth: u32,
     grey: Grey,
@@ -85,9 +104,11 @@ pub fn png(
     encoder.set_depth(png::BitDepth::Sixteen);
     encoder.set_compression(png::Compression::Fast);
     let mut writer = encoder.write_header()?;
-    let pixels: Vec<u8> =
-        heights.iter().flat_map(|&height| grey.of(height).to_be_bytes()).collect();
-    writer.write_image_data(&pixels)?;
+    let mut pixels = writer.stream_writer()?;
+    for height in heights.metres() {
+        pixels.write_all(&grey.of(height).to_be_bytes())?;
+    }
+    pixels.finish()?;
     writer.finish()?;
     Ok(file)
 }
@@ -99,11 +120,10 @@ mod tests {
     #[test]
     fn an_npy_header_is_aligned_and_ends_its_line() {
         for (width, depth) in [(1, 1), (10, 7), (100_000, 160), (4_294_967_295, 1)] {
-            let file = npy(&[1.5], width, depth);
-            let length = usize::from(u16::from_le_bytes([file[8], file[9]]));
-            assert_eq!((10 + length) % NPY_ALIGNMENT, 0);
-            assert_eq!(file[10 + length - 1], b'\n');
-            assert_eq!(file[10 + length..], 1.5f32.to_le_bytes());
+            let header = npy_header(width, depth);
+            let length = usize::from(u16::from_le_bytes([header[8], header[9]]));
+            assert_eq!((header.len() % NPY_ALIGNMENT, header.len()), (0, 10 + length));
+            assert_eq!(header.last(), Some(&b'\n'));
         }
     }
 
@@ -112,7 +132,7 @@ mod tests {
         let grid = Grid { width: 2, depth: 2, height: 10, cell_size: 0.5 };
         let grey = Grey::new(&grid, None);
         assert_eq!((grey.of(0.0), grey.of(5.0), grey.of(6.0)), (0, 65535, 65535));
-        let terrain = Terrain { heights: vec![-3.0, 0.0, 2.0, 1.0] };
+        let terrain = Terrain { heights: [-3.0, 0.0, 2.0, 1.0].into() };
         let grey = Grey::new(&grid, Some(&terrain));
         assert_eq!((grey.of(-3.0), grey.of(7.0), grey.of(2.0)), (0, 65535, 32768));
     }

@@ -1,8 +1,9 @@
 //! Which columns a read of heights samples.
 
+use firn_snow::{Grid, TILE_SIDE};
+
 use crate::problem::{FieldError, Problem};
 use crate::session::Mirror;
-use crate::snow::{Grid, TILE_SIDE};
 
 use super::{HeightsQuery, Origin};
 

@@ -1,5 +1,6 @@
 //! What of the snow is to be drawn, and how.
 
+use firn_snow::ColumnRect;
 use utoipa::IntoParams;
 
 use crate::http::extract::FromQuery;
@@ -10,7 +11,6 @@ use crate::render::{
     Axis, Background, Camera, Field, MOST_PIXELS, Picture, Projection, SIDES, View,
 };
 use crate::session::Session;
-use crate::snow::ColumnRect;
 
 /// Values beyond this are none that snow has.
 const GREATEST: f32 = 1e9;

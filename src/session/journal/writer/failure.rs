@@ -10,13 +10,15 @@ use crate::session::journal::handle::{Feedback, lock, unstorable};
 use crate::session::journal::image::Submission;
 use crate::store::{StoreError, Write};
 
-use super::{RETRY, Writer};
+use super::{LOOK, RETRY, Writer};
 
 impl Writer {
     /// Refuses everything, and has it undone.
     pub(super) fn reject(&mut self, batch: Vec<Submission>, failure: &StoreError) {
-        let newly = lock(&self.shared.failure).replace(failure.clone()).is_none();
-        if newly {
+        let gone = |failure: &StoreError| matches!(failure, StoreError::Gone(_));
+        let before = lock(&self.shared.failure).replace(failure.clone());
+        self.shared.vitals.set_gone(gone(failure));
+        if before.is_none_or(|before| gone(&before) != gone(failure)) {
             self.shared.vitals.set_healthy(false);
             error!("the store can't be written to: {failure}; changes are refused until it can");
             self.next_attempt = Instant::now() + RETRY;
@@ -52,6 +54,18 @@ impl Writer {
         }
     }
 
+    /// Looks from time to time whether the store is where it was: what can't be found by the next start
+    /// is not stored.
+    pub(super) fn look(&mut self) {
+        if !self.durable || self.is_failed() || self.last_look.elapsed() < LOOK {
+            return;
+        }
+        self.last_look = Instant::now();
+        if let Err(failure) = self.store.check() {
+            self.reject(Vec::new(), &failure);
+        }
+    }
+
     /// Writes anew what the store may hold wrongly, once it can be written to again.
     pub(super) fn heal(&mut self, at_once: bool) {
         if !self.is_failed() || (Instant::now() < self.next_attempt && !at_once) {
@@ -74,13 +88,16 @@ impl Writer {
                 stored.submission(*key).writes(&mut writes);
             }
         }
-        if self.store.commit(&writes).is_ok() {
-            info!("the store can be written to again; changes are taken");
-            self.spoiled.clear();
-            self.late.clear();
-            *lock(&self.shared.failure) = None;
-            self.shared.vitals.set_healthy(true);
+        if let Err(failure) = self.store.commit(&writes) {
+            self.reject(Vec::new(), &failure);
+            return;
         }
+        info!("the store can be written to again; changes are taken");
+        self.spoiled.clear();
+        self.late.clear();
+        *lock(&self.shared.failure) = None;
+        self.shared.vitals.set_gone(false);
+        self.shared.vitals.set_healthy(true);
     }
 
     /// Tells the world that a checkpoint did not come to be.

@@ -1,0 +1,1339 @@
+# Made by `make client-types` from api/openapi.json and api/asyncapi.yaml: change those instead.
+
+from __future__ import annotations
+
+from typing import Literal, NotRequired, TypeAlias, TypedDict
+
+
+class AckMessage(TypedDict):
+    """A request was carried out. A change is then visible to every read."""
+
+    op: Literal["ack"]
+    id: Id
+    tick: Tick
+    seq: Seq
+    fallen_mass: NotRequired[float]
+    refused_mass: NotRequired[float]
+    cleared_mass: NotRequired[float]
+    celsius: NotRequired[float]
+    collider: NotRequired[ColliderView]
+
+
+class AirTemperature(TypedDict):
+    """Another air temperature."""
+
+    celsius: float
+    """Temperature [°C]."""
+
+
+class AirTemperatureMessage(TypedDict):
+    """Another air temperature, as PUT …/air-temperature."""
+
+    op: Literal["air_temperature"]
+    id: Id
+    celsius: float
+    """Temperature [°C]."""
+
+
+class Alive(TypedDict):
+    """Answer to `GET /livez`."""
+
+    status: str
+    """Always `alive`."""
+
+
+Auth: TypeAlias = Literal["open", "required"]
+
+
+class CellOrigin(TypedDict):
+    """A cell of the fixed grid."""
+
+    column_x: int
+    """Along x."""
+
+    column_z: int
+    """Along z."""
+
+    cell_y: int
+    """Along y, from the lowest ground up."""
+
+
+class Clearing(TypedDict):
+    """A plough: leaves at most a depth of snow standing."""
+
+    depth: float
+    """Depth left standing [m]."""
+
+    region: NotRequired[Region | None]
+
+
+class ClearingEvent(TypedDict):
+    op: Literal["event"]
+    event: Literal["clearing"]
+    tick: Tick
+    seq: Seq
+    cleared_mass: float
+    """Mass that was removed [kg]."""
+
+
+class ClearingMessage(TypedDict):
+    """Leaves at most a depth of snow standing, as POST …/clearings."""
+
+    op: Literal["clearing"]
+    id: Id
+    depth: float
+    """Depth left standing [m]."""
+
+    region: NotRequired[Region | None]
+    """The whole grid where there is none."""
+
+
+class ColliderBatch(TypedDict):
+    """Colliders put and removed in one frame, all or none."""
+
+    put: NotRequired[list[ColliderSpec]]
+    """Colliders to create or replace; each needs an `id`."""
+
+    delete: NotRequired[list[str]]
+    """Ids of colliders to remove."""
+
+
+class ColliderDeleteMessage(TypedDict):
+    """Removes a collider, as DELETE …/colliders/{cid}."""
+
+    op: Literal["collider.delete"]
+    id: Id
+    collider: str
+    """The collider's id."""
+
+
+class ColliderPatch(TypedDict):
+    """Body of `PATCH …/colliders/{cid}`: the parts that change; others stay."""
+
+    mass: NotRequired[float | None]
+    """Mass [kg]."""
+
+    shape: NotRequired[Shape | None]
+    position: NotRequired[Position | None]
+
+
+class ColliderPutMessage(TypedDict):
+    """Creates, replaces or moves a collider, as PUT …/colliders/{cid}."""
+
+    op: Literal["collider.put"]
+    id: Id
+    collider: ColliderSpec
+
+
+class ColliderSpec(TypedDict):
+    """An object that stands on the snow."""
+
+    id: NotRequired[str | None]
+    """Name, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none."""
+
+    mass: float
+    """Mass [kg]."""
+
+    shape: Shape
+    """Outline from above."""
+
+    position: Position
+    """Where its centre is [m]."""
+
+
+class ColliderView(TypedDict):
+    """An object on the snow and how it stands there."""
+
+    id: str
+    """Its name."""
+
+    mass: float
+    """Mass [kg]."""
+
+    shape: Shape
+    """Outline from above."""
+
+    position: Position
+    """Where its centre is [m]."""
+
+    bottom: float
+    """Elevation of its bottom [m]."""
+
+    sink_depth: float
+    """
+    How far its bottom is below the highest of its columns at the time it was placed or last
+    moved [m].
+    """
+
+    contact_area: float
+    """Area in contact [m²]."""
+
+    pressure: float
+    """Pressure on the area in contact [Pa]."""
+
+    resting: bool
+    """Whether its bottom and contact stayed as they were over the last cycle."""
+
+
+class CollidersBatchMessage(TypedDict):
+    """Puts and removes up to 4096 colliders in one frame, all or none."""
+
+    op: Literal["colliders.batch"]
+    id: Id
+    put: NotRequired[list[ColliderSpec]]
+    """Colliders to create or replace; each needs an id."""
+
+    delete: NotRequired[list[str]]
+
+
+class ColumnRegion(TypedDict):
+    """
+    A rectangle of columns. Widened to whole tiles and clipped to the grid, which it has to
+    meet.
+    """
+
+    column_x: int
+    column_z: int
+    width: int
+    depth: int
+
+
+ContentName: TypeAlias = Literal["air", "snow", "ground"]
+
+
+class CreateSessionQuery(TypedDict):
+    """Create a session"""
+
+    id: NotRequired[str]
+    """Name of a session that is restored from a snapshot."""
+
+
+class ErrorMessage(TypedDict):
+    """A request was refused; nothing has changed."""
+
+    op: Literal["error"]
+    id: int | None
+    """The request's id; null where it could not be read."""
+
+    problem: Problem
+
+
+class FieldError(TypedDict):
+    """A part of a request that can't be accepted."""
+
+    pointer: str
+    """JSON pointer to the field in the body, or the name of a path or query parameter."""
+
+    detail: str
+    """What was expected and what was found."""
+
+
+class GetCellsQuery(TypedDict):
+    """Read the fixed grid"""
+
+    column_x: NotRequired[int]
+    """First column along x."""
+
+    column_z: NotRequired[int]
+    """First column along z."""
+
+    cell_y: NotRequired[int]
+    """First cell along y; 0 stands on the lowest ground."""
+
+    width: NotRequired[int]
+    """Cells along x; up to the grid's edge where there is none."""
+
+    depth: NotRequired[int]
+    """Cells along z; up to the grid's edge where there is none."""
+
+    height: NotRequired[int]
+    """Cells along y; up to the grid's height on the highest ground where there is none."""
+
+    fields: NotRequired[str]
+    """Names of fields, separated by commas."""
+
+
+class GetHeightQuery(TypedDict):
+    """Read the snow depth at a point"""
+
+    x: float
+    """Along x [m], from 0 to the grid's edge."""
+
+    z: float
+    """Along z [m], from 0 to the grid's edge."""
+
+
+class GetHeightsQuery(TypedDict):
+    """Read snow depths"""
+
+    column_x: NotRequired[int]
+    """First column along x."""
+
+    column_z: NotRequired[int]
+    """First column along z."""
+
+    width: NotRequired[int]
+    """Samples along x; up to the grid's edge where there is none."""
+
+    depth: NotRequired[int]
+    """Samples along z; up to the grid's edge where there is none."""
+
+    stride: NotRequired[int]
+    """Columns from one sample to the next: 1, 2, 4 or 8."""
+
+    surface: NotRequired[bool]
+    """Adds the elevation of the ground."""
+
+
+class GetProfileQuery(TypedDict):
+    """Draw a column"""
+
+    column_x: int
+    """Column along x, from 0."""
+
+    column_z: int
+    """Column along z, from 0."""
+
+
+class GetRenderQuery(TypedDict):
+    """Draw the snow"""
+
+    view: NotRequired[Literal["grid", "surface", "section"]]
+    """What is shown: the fixed grid as boxes, the surface of the snow, or a vertical cut."""
+
+    field: NotRequired[Literal["density", "temperature", "overpressure", "hardness", "position"]]
+    """What the colours show."""
+
+    width: NotRequired[int]
+    """Pixels across; 2²³ pixels in all."""
+
+    height: NotRequired[int]
+    """Pixels down."""
+
+    yaw: NotRequired[float]
+    """
+    Degrees around the vertical from which grid and surface are seen: 0 looks along −z with x to
+    the right, 90 along −x.
+    """
+
+    pitch: NotRequired[float]
+    """Degrees from above: 0 looks level, 90 straight down."""
+
+    zoom: NotRequired[float]
+    """How much larger than fitted into the picture; not for sections."""
+
+    projection: NotRequired[Literal["perspective", "parallel"]]
+    """`parallel` shows what is far away as large as what is near; sections always do."""
+
+    along: NotRequired[Literal["x", "z"]]
+    """The axis that a section runs along."""
+
+    at: NotRequired[int]
+    """The column across `along` that a section shows; the middle one where there is none."""
+
+    column_x: NotRequired[int]
+    """First column along x that is shown."""
+
+    column_z: NotRequired[int]
+    """First column along z that is shown."""
+
+    columns_x: NotRequired[int]
+    """Columns along x; up to the grid's edge where there is none."""
+
+    columns_z: NotRequired[int]
+    """Columns along z; up to the grid's edge where there is none."""
+
+    min: NotRequired[float]
+    """
+    Value of the first colour; the least value shown where there is none. Overpressure is
+    symmetric around 0 unless both are given.
+    """
+
+    max: NotRequired[float]
+    """Value of the last colour; the greatest value shown where there is none."""
+
+    shading: NotRequired[bool]
+    """Whether sides are shaded and boxes have outlines."""
+
+    legend: NotRequired[bool]
+    """Whether a legend stands beside it; there is none in pictures below 160 × 120."""
+
+    colliders: NotRequired[bool]
+    """Whether objects are shown."""
+
+    background: NotRequired[Literal["light", "dark", "transparent"]]
+    """What is around the snow."""
+
+
+class Grid(TypedDict):
+    """Size of a snowpack: columns along x and z, slots along y."""
+
+    width: int
+    """Columns along x."""
+
+    depth: int
+    """Columns along z."""
+
+    height: int
+    """Slots for material cells in each column."""
+
+    cell_size: float
+    """Side h of a fresh cell [m]."""
+
+
+class GridSpec(TypedDict):
+    """Size of a snowpack: columns along x and z, slots along y."""
+
+    width: NotRequired[int]
+    """Columns along x."""
+
+    depth: NotRequired[int]
+    """Columns along z."""
+
+    height: NotRequired[int]
+    """Slots for material cells in each column."""
+
+    cell_size: NotRequired[float]
+    """Side h of a fresh cell [m]."""
+
+
+HardnessLaw: TypeAlias = Literal["calibrated", "regression", "gold"]
+
+
+class Heights(TypedDict):
+    op: Literal["snapshot", "delta"]
+    id: Id
+    seq: Seq
+    tick: Tick
+    recovered: NotRequired[bool]
+    """
+    Whether the client was given exactly what it had missed; in the first answer to a
+    subscribe that asked to resume.
+    """
+
+    tiles: list[Tile]
+    colliders: NotRequired[list[ColliderView]]
+    """
+    Every collider whose bounding box meets the region, in ascending order of ids; it
+    replaces what the client was told before. Only where the subscription wants colliders,
+    at its begin, at each update, and when any of them has changed.
+    """
+
+    more: NotRequired[Literal[True]]
+    """Further parts of this message follow."""
+
+
+Id: TypeAlias = int
+
+
+class LayerView(TypedDict):
+    """One material cell."""
+
+    bottom: float
+    """Height of its lower face above the ground [m]."""
+
+    thickness: float
+    """Thickness [m]."""
+
+    density: float
+    """Density [kg/m³]."""
+
+    temperature: float
+    """Temperature [°C]."""
+
+    hardness: float
+    """Hardness [Pa]."""
+
+    stress: float
+    """Vertical stress on it, its own weight included [Pa]."""
+
+    mass: float
+    """Mass [kg]."""
+
+
+class ListCollidersQuery(TypedDict):
+    """List colliders"""
+
+    limit: NotRequired[int]
+    """Most items to return."""
+
+    cursor: NotRequired[str]
+    """`next_cursor` of the page before; the first page where there is none."""
+
+
+class ListSessionsQuery(TypedDict):
+    """List sessions"""
+
+    limit: NotRequired[int]
+    """Most items to return."""
+
+    cursor: NotRequired[str]
+    """`next_cursor` of the page before; the first page where there is none."""
+
+
+LoadDistribution: TypeAlias = Literal["two_to_one", "uniform", "surface"]
+
+
+class Material(TypedDict):
+    """Material constants of one snowpack."""
+
+    fresh_density: float
+    """Density of fresh snow [kg/m³], up to `max_density`."""
+
+    max_density: float
+    """Density at which snow compacts no further [kg/m³]."""
+
+    stiffness_exponent: float
+    """Exponent n of the stiffness law k = ρⁿ."""
+
+    hardness_law: HardnessLaw
+    """The hardness law."""
+
+    grain_size_mm: float
+    """Grain size δ [mm], read by the law `gold` only."""
+
+    load_distribution: LoadDistribution
+    """How loads spread with depth."""
+
+
+class MaterialSpec(TypedDict):
+    """Material constants of one snowpack."""
+
+    fresh_density: NotRequired[float]
+    """Density of fresh snow [kg/m³], up to `max_density`."""
+
+    max_density: NotRequired[float]
+    """Density at which snow compacts no further [kg/m³]."""
+
+    stiffness_exponent: NotRequired[float]
+    """Exponent n of the stiffness law k = ρⁿ."""
+
+    hardness_law: NotRequired[HardnessLaw]
+    """The hardness law."""
+
+    grain_size_mm: NotRequired[float]
+    """Grain size δ [mm], read by the law `gold` only."""
+
+    load_distribution: NotRequired[LoadDistribution]
+    """How loads spread with depth."""
+
+
+class MemoryBytes(TypedDict):
+    """Memory that a session takes [bytes]."""
+
+    device: int
+    """On the device: its cells. None while it hibernates."""
+
+    host: int
+    """
+    What reads are served from, and what the engine knows of it beside its cells: heights, ground
+    and objects.
+    """
+
+    journal: int
+    """
+    What brings it back: its newest checkpoint and the changes since, the snapshot that it was made
+    from, and what came of requests that carry an `Idempotency-Key`.
+    """
+
+    streams: int
+    """Tiles encoded for its streams, and the buffers of those that are open."""
+
+
+class Origin(TypedDict):
+    """A column."""
+
+    column_x: int
+    """Along x."""
+
+    column_z: int
+    """Along z."""
+
+
+class PageColliderView(TypedDict):
+    """A page of a list."""
+
+    items: list[ColliderView]
+    """The items, in ascending order of their ids."""
+
+    next_cursor: str | None
+    """Cursor of the next page; `null` after the last."""
+
+
+class PageSessionView(TypedDict):
+    """A page of a list."""
+
+    items: list[SessionView]
+    """The items, in ascending order of their ids."""
+
+    next_cursor: str | None
+    """Cursor of the next page; `null` after the last."""
+
+
+class PingMessage(TypedDict):
+    """Asks for a pong."""
+
+    op: Literal["ping"]
+    id: NotRequired[Id]
+
+
+class PlainEvent(TypedDict):
+    """Nothing moves any more, or the session is back in its first state."""
+
+    op: Literal["event"]
+    event: Literal["settled", "reset"]
+    tick: Tick
+    seq: Seq
+
+
+class PongMessage(TypedDict):
+    """The answer to a ping."""
+
+    op: Literal["pong"]
+    id: NotRequired[Id]
+
+
+class Position(TypedDict):
+    """A horizontal position [m]."""
+
+    x: float
+    """Along x [m]."""
+
+    z: float
+    """Along z [m]."""
+
+
+class Probe(TypedDict):
+    """A load on level snow."""
+
+    x: float
+    """Where it stands along x [m], inside the grid."""
+
+    z: float
+    """Where it stands along z [m], inside the grid."""
+
+    mass: float
+    """Mass [kg]."""
+
+    area: float
+    """Area it stands on [m²]."""
+
+
+class ProbeBatch(TypedDict):
+    """Loads to try on the snow."""
+
+    probes: list[Probe]
+    """The loads; each is evaluated as if it were the only one."""
+
+
+class ProbeView(TypedDict):
+    """What becomes of a load."""
+
+    sink_depth: float
+    """
+    Present height of the column less its height once it has come to rest under the load, other
+    objects left out [m]. What the snow still settles by itself is counted.
+    """
+
+    surface_hardness: float
+    """Hardness of the snow at the surface [Pa]; 0 where there is none."""
+
+    pressure: float
+    """Pressure of the load, mass · g / area [Pa]."""
+
+    carries: bool
+    """Whether the pressure is not above the surface's hardness; never where there is no snow."""
+
+
+class Problem(TypedDict):
+    """Why a request was not carried out: problem details after RFC 9457, the same over HTTP and the stream."""
+
+    type: str
+    """Stable name of this kind of problem: `urn:firn:problem:…`."""
+
+    title: str
+    """What kind of problem it is, in words."""
+
+    status: int
+    """HTTP status."""
+
+    detail: str
+    """What was wrong with this request."""
+
+    errors: list[FieldError]
+    """Each part of the request that was wrong, the first hundred of them; may be empty."""
+
+
+class Readiness(TypedDict):
+    """Answer to `GET /readyz`."""
+
+    status: ReadyStatus
+    """Whether requests are served."""
+
+    adapter: str
+    """Name of the adapter that the snowpacks live on, or `cpu`."""
+
+    backend: str
+    """Graphics interface, or `cpu`."""
+
+    auth: Auth
+    """Whether clients are asked for tokens."""
+
+    store: StoreStatus
+    """How what sessions are kept in is doing."""
+
+    sessions: int
+    """Sessions there are."""
+
+    capacity: int
+    """Most sessions there may be."""
+
+    schedulable: bool
+    """
+    Whether a session should be created here: there is room for one, and frames keep up with
+    the clock.
+    """
+
+
+ReadyStatus: TypeAlias = Literal["ready", "recovering", "draining", "read_only", "failed"]
+
+
+class Region(TypedDict):
+    """
+    A rectangle in metres: the columns whose centres lie in it, lower edges included, upper ones
+    not.
+    """
+
+    x: float
+    """Lower edge along x [m]."""
+
+    z: float
+    """Lower edge along z [m]."""
+
+    width: float
+    """Extent along x [m]."""
+
+    depth: float
+    """Extent along z [m]."""
+
+
+class Resume(TypedDict):
+    """
+    The state that the client holds: the session's epoch from `welcome`, and the seq of the
+    last whole message.
+    """
+
+    epoch: str
+    seq: int
+
+
+Seq: TypeAlias = int
+
+
+class SessionSpec(TypedDict):
+    """Body of `POST /v1/sessions`; every field is optional."""
+
+    id: NotRequired[str | None]
+    """Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none."""
+
+    grid: NotRequired[GridSpec]
+    """Size of the grid."""
+
+    material: NotRequired[MaterialSpec]
+    """Material constants."""
+
+    air_temperature: NotRequired[float]
+    """Temperature of the air [°C], and of fresh snow."""
+
+    time_scale: NotRequired[float]
+    """Simulated seconds per second."""
+
+    tick_rate: NotRequired[float]
+    """Ticks per second [Hz]."""
+
+    paused: NotRequired[bool]
+    """Whether time stands still."""
+
+    snowfall_rate: NotRequired[float]
+    """Continuous snowfall [m/h]."""
+
+    idle_timeout_s: NotRequired[float | None]
+    """Seconds without request or stream after which the session hibernates."""
+
+    delete_after_s: NotRequired[float | None]
+    """Seconds without request or stream after which the session is deleted."""
+
+    initial_snow: NotRequired[list[SnowLayer]]
+    """Layers of snow to begin with, from the ground up."""
+
+    terrain: NotRequired[Terrain | None]
+
+
+class SetMessage(TypedDict):
+    """Other settings, as PATCH of the session; those left out stay."""
+
+    op: Literal["set"]
+    id: Id
+    air_temperature: NotRequired[float | None]
+    time_scale: NotRequired[float | None]
+    paused: NotRequired[bool | None]
+    tick_rate: NotRequired[float | None]
+    snowfall_rate: NotRequired[float | None]
+    stiffness_exponent: NotRequired[float | None]
+    idle_timeout_s: NotRequired[float | None]
+    delete_after_s: NotRequired[float | None]
+
+
+class Settings(TypedDict):
+    """The settings of a session that can change while it lives."""
+
+    air_temperature: float
+    """Temperature of the air [°C]."""
+
+    time_scale: float
+    """Simulated seconds per second."""
+
+    tick_rate: float
+    """Ticks per second [Hz]."""
+
+    paused: bool
+    """Whether time stands still."""
+
+    snowfall_rate: float
+    """Continuous snowfall [m/h]."""
+
+    idle_timeout_s: float | None
+    """Seconds without request or stream after which the session hibernates."""
+
+    delete_after_s: float | None
+    """Seconds without request or stream after which the session is deleted."""
+
+
+class SessionView(Settings):
+    """A session: its configuration, clock and summary."""
+
+    id: str
+    """Its name."""
+
+    tenant: str | None
+    """The tenant it belongs to; `null` where that is the operator."""
+
+    grid: Grid
+    """Size of the grid."""
+
+    material: Material
+    """Material constants."""
+
+    terrain: Terrain | None
+    state: State
+    """What it is doing."""
+
+    locked: bool
+    """
+    Whether it takes no changes: it came back from a damaged store, and an administrator has to say
+    that it is as it should be.
+    """
+
+    tick: int
+    """Ticks since it was created or reset."""
+
+    seq: int
+    """Number of its newest published change."""
+
+    epoch: str
+    """Opaque; (epoch, seq) names one state."""
+
+    sim_time: float
+    """Simulated time [s]."""
+
+    settled: bool
+    """Whether no snow falls and the last executed cycle changed no cell."""
+
+    summary: Summary
+    """Totals."""
+
+    device_memory_bytes: int
+    """Device memory that its cells take [bytes]."""
+
+    created_at: str
+    """When it was created, RFC 3339."""
+
+    stream_url: str
+    """Path of its height stream."""
+
+
+class CreatedSession(SessionView):
+    """Answer to `POST /v1/sessions`."""
+
+    token: str
+    """Allows everything about this session."""
+
+    viewer_token: str
+    """Allows its reads and streams."""
+
+
+class SettingsEvent(TypedDict):
+    op: Literal["event"]
+    event: Literal["settings"]
+    tick: Tick
+    seq: Seq
+    settings: Settings
+
+
+class SettingsPatch(TypedDict):
+    """Body of `PATCH /v1/sessions/{id}`: the settings that change; others stay."""
+
+    air_temperature: NotRequired[float | None]
+    """Temperature of the air [°C]."""
+
+    time_scale: NotRequired[float | None]
+    """Simulated seconds per second."""
+
+    paused: NotRequired[bool | None]
+    """Whether time stands still."""
+
+    tick_rate: NotRequired[float | None]
+    """Ticks per second [Hz]."""
+
+    snowfall_rate: NotRequired[float | None]
+    """Continuous snowfall [m/h]."""
+
+    stiffness_exponent: NotRequired[float | None]
+    """Exponent n of the stiffness law."""
+
+    idle_timeout_s: NotRequired[float | None]
+    """Seconds without request or stream after which the session hibernates, `null` for never."""
+
+    delete_after_s: NotRequired[float | None]
+    """Seconds without request or stream after which the session is deleted; `null` for never."""
+
+
+class ShapeBox(TypedDict):
+    """An axis-aligned rectangle."""
+
+    width: float
+    """Extent along x [m]."""
+
+    depth: float
+    """Extent along z [m]."""
+
+    type: Literal["box"]
+
+
+class ShapeDisk(TypedDict):
+    """A circle."""
+
+    radius: float
+    """Radius [m]."""
+
+    type: Literal["disk"]
+
+
+Shape: TypeAlias = ShapeBox | ShapeDisk
+
+
+class SnowLayer(TypedDict):
+    """One layer of the snow a session begins with."""
+
+    depth: float
+    """Depth [m]."""
+
+    temperature: NotRequired[float | None]
+    """Temperature [°C]; the air's where there is none."""
+
+    density: NotRequired[float | None]
+    """Density [kg/m³]; the material's `fresh_density` where there is none."""
+
+
+class Snowfall(TypedDict):
+    """Fresh snow on a region."""
+
+    depth: float
+    """Depth [m], at least `cell_size`/256."""
+
+    density: NotRequired[float | None]
+    """Density [kg/m³]; the material's `fresh_density` where there is none."""
+
+    temperature: NotRequired[float | None]
+    """Temperature [°C]; the air's where there is none."""
+
+    region: NotRequired[Region | None]
+
+
+class SnowfallEvent(TypedDict):
+    op: Literal["event"]
+    event: Literal["snowfall"]
+    tick: Tick
+    seq: Seq
+    fallen_mass: float
+    """Mass that fell, the refused part included [kg]."""
+
+    refused_mass: float
+    """Mass that found no room [kg]."""
+
+
+EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | PlainEvent
+
+
+class SnowfallMessage(TypedDict):
+    """Lets snow fall, as POST …/snowfalls."""
+
+    op: Literal["snowfall"]
+    id: Id
+    depth: float
+    """Depth [m], at least cell_size/256."""
+
+    density: NotRequired[float | None]
+    """Density [kg/m³]."""
+
+    temperature: NotRequired[float | None]
+    """Temperature [°C]."""
+
+    region: NotRequired[Region | None]
+    """The whole grid where there is none."""
+
+
+class Stamp(TypedDict):
+    """When a reply holds: the tick, and the number of the newest published change."""
+
+    tick: int
+    """Ticks since the session was created or reset."""
+
+    seq: int
+    """Number of the newest published change."""
+
+
+class AirTemperatureReply(Stamp):
+    """Answer to an air temperature."""
+
+    celsius: float
+    """Temperature of the air [°C]."""
+
+
+class CellsView(Stamp):
+    """A box of the fixed grid. Arrays have x fastest, then y, then z."""
+
+    origin: CellOrigin
+    """First cell."""
+
+    width: int
+    """Cells along x."""
+
+    depth: int
+    """Cells along z."""
+
+    height: int
+    """Cells along y."""
+
+    content: list[ContentName]
+    """What each cell holds."""
+
+    fields: dict[str, list[float | None]]
+    """The fields asked for, by their names; `null` outside the snow."""
+
+
+class ClearingReply(Stamp):
+    """Answer to a clearing."""
+
+    cleared_mass: float
+    """Mass that was removed [kg]."""
+
+
+class ColliderPage(Stamp, PageColliderView):
+    """A page of the colliders of a session."""
+
+
+class ColliderReply(Stamp, ColliderView):
+    """Answer to a collider that was put or patched."""
+
+
+class ColumnView(Stamp):
+    """One column's material cells."""
+
+    height: float
+    """Snow depth [m]."""
+
+    mass: float
+    """Mass [kg]."""
+
+    mean_density: float
+    """Mass over volume [kg/m³]; 0 where there is no snow."""
+
+    layers: list[LayerView]
+    """The material cells, from the ground up."""
+
+    weak_layers: list[WeakLayerView]
+    """Layers less dense than what lies above and below, from the ground up."""
+
+
+class DigestView(Stamp):
+    """The digest of a session."""
+
+    digest: str
+    """Hash of all that a snapshot holds: equal digests, equal snowpacks."""
+
+
+class HeightView(Stamp):
+    """The snow depth at a point."""
+
+    height: float
+    """Snow depth [m]."""
+
+
+class HeightsView(Stamp):
+    """Snow depths of a region."""
+
+    origin: Origin
+    """First column."""
+
+    width: int
+    """Samples along x."""
+
+    depth: int
+    """Samples along z."""
+
+    stride: int
+    """Columns from one sample to the next."""
+
+    cell_size: float
+    """Side of a column [m]."""
+
+    heights: list[float]
+    """Snow depths [m], row by row: index = z · width + x."""
+
+
+class MassView(Stamp):
+    """The mass ledger of a session."""
+
+    present: float
+    """Mass of the snow, summed over its cells [kg]."""
+
+    fallen: float
+    """Mass that has fallen [kg], the refused part included."""
+
+    refused: float
+    """Mass that found no room [kg]."""
+
+    cleared: float
+    """Mass that was cleared [kg]."""
+
+    imbalance_quanta: int
+    """fallen − refused − cleared − present, in quanta of 2⁻¹⁸ kg/m² in one column: always 0."""
+
+
+class ProbeReply(Stamp):
+    """Answer to probes."""
+
+    probes: list[ProbeView]
+    """What becomes of each load, in the order asked for."""
+
+
+class SnowfallReply(Stamp):
+    """Answer to a snowfall."""
+
+    fallen_mass: float
+    """Mass that fell [kg], the refused part included."""
+
+    refused_mass: float
+    """Mass that found no room [kg]."""
+
+
+State: TypeAlias = Literal["running", "paused", "hibernating"]
+
+
+class StepSpec(TypedDict):
+    """
+    How far a paused session is to be stepped; exactly one of `ticks`, `seconds` and
+    `until_settled`.
+    """
+
+    ticks: NotRequired[int | None]
+    """Number of ticks."""
+
+    seconds: NotRequired[float | None]
+    """Simulated seconds."""
+
+    until_settled: NotRequired[bool | None]
+    """Until nothing moves any more; needs `max_seconds`."""
+
+    max_seconds: NotRequired[float | None]
+    """Most simulated seconds to step with `until_settled`."""
+
+
+StoreStatus: TypeAlias = Literal["sound", "damaged", "failing", "gone"]
+
+
+class StreamQuery(TypedDict):
+    """Streams heights and takes changes"""
+
+    token: NotRequired[str]
+    """An API key or one of the session's tokens, where there is no `Authorization` header."""
+
+
+class SubscribeMessage(TypedDict):
+    """Begins a subscription, or replaces the one of the same id. At most 64 on a socket."""
+
+    op: Literal["subscribe"]
+    id: Id
+    region: NotRequired[ColumnRegion | None]
+    """The whole grid where there is none."""
+
+    stride: NotRequired[Literal[1, 2, 4, 8]]
+    """
+    Every how many columns one is sent: those whose column_x and column_z are multiples
+    of it.
+    """
+
+    max_rate: NotRequired[float]
+    """
+    Most messages per second of this subscription, on average [Hz]. A new tick may be told up
+    to one message early, so that it is told when it happens; changes between ticks wait
+    for their turn.
+    """
+
+    quantum: NotRequired[float]
+    """Step that heights are rounded to [m]."""
+
+    colliders: NotRequired[bool]
+    """Whether the colliders in the region are wanted."""
+
+    resume: NotRequired[Resume | None]
+    """
+    The state that the client holds: the session's epoch from `welcome`, and the seq of the
+    last whole message.
+    """
+
+
+class Summary(TypedDict):
+    """Totals over a snowpack."""
+
+    mean_height: float
+    """Mean snow depth [m]."""
+
+    min_height: float
+    """Least snow depth [m]."""
+
+    max_height: float
+    """Greatest snow depth [m]."""
+
+    total_mass: float
+    """Mass of the snow [kg]."""
+
+    mean_density: float
+    """Mass over volume [kg/m³]; 0 where there is no snow."""
+
+    active_tiles: int
+    """Tiles in which snow still moves."""
+
+    tiles: int
+    """Tiles of 8 × 8 columns."""
+
+    colliders: int
+    """Objects on the snow."""
+
+
+class Terrain(TypedDict):
+    """Elevation of the ground under each column."""
+
+    heights: list[float]
+    """Elevations [m] within ±20 000, row by row: index = z · width + x."""
+
+
+Tick: TypeAlias = int
+
+
+class Tile(TypedDict):
+    column_x: int
+    """First column along x."""
+
+    column_z: int
+    """First column along z."""
+
+    width: int
+    """Samples along x."""
+
+    depth: int
+    """Samples along z."""
+
+    heights: list[float]
+    """
+    Snow depths [m], row by row: index = z · width + x. Sample (x, z) is of column
+    (column_x + x · stride, column_z + z · stride).
+    """
+
+
+class TokensReply(TypedDict):
+    """The tokens of a session."""
+
+    token: str
+    """Allows everything about this session."""
+
+    viewer_token: str
+    """Allows its reads and streams."""
+
+
+class UnsubscribeMessage(TypedDict):
+    """Ends a subscription. Nothing of it follows the ack."""
+
+    op: Literal["unsubscribe"]
+    id: Id
+
+
+class UpdateMessage(TypedDict):
+    """Moves a subscription. Only tiles that came into view are sent."""
+
+    op: Literal["update"]
+    id: Id
+    region: NotRequired[ColumnRegion | None]
+    """The whole grid where there is none."""
+
+
+class UsageView(TypedDict):
+    """What a session takes of the server."""
+
+    device_seconds: float
+    """Device time that it has been charged with since the server was started [s]."""
+
+    memory_bytes: MemoryBytes
+    """Memory, by what it is for."""
+
+
+class WeakLayerView(TypedDict):
+    """
+    A maximal run of cells with a density of at most 0.8 of the least dense of the densest cell
+    above and the densest cell below.
+    """
+
+    bottom: float
+    """Height of its lower face above the ground [m]."""
+
+    thickness: float
+    """Thickness [m]."""
+
+    density: float
+    """Mean density [kg/m³]."""
+
+    temperature: float
+    """Mean temperature, weighted by mass [°C]."""
+
+    contrast: float
+    """1 − the smallest ratio of a cell's density to that of the cells around."""
+
+
+class WelcomeMessage(TypedDict):
+    """The first message of every stream."""
+
+    op: Literal["welcome"]
+    session: str
+    """Name of the session."""
+
+    epoch: str
+    """Opaque; (epoch, seq) names one state."""
+
+    tick: Tick
+    seq: Seq
+    tile_size: Literal[8]
+    """Columns along one side of a tile."""
+
+    grid: Grid
+    settings: Settings

@@ -1,0 +1,160 @@
+//! A session: the calls about one snowpack.
+
+use firn_protocol::stream::SubProtocol;
+use firn_protocol::{
+    AirTemperature, AirTemperatureReply, Clearing, ClearingReply, ColliderBatch, ColliderPatch,
+    ColliderReply, ColliderSpec, ColumnView, MassView, ProbeBatch, ProbeReply, SessionView,
+    SettingsPatch, Snowfall, SnowfallReply, Stamp, StepSpec, UsageView,
+};
+use reqwest::Method;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::client::{Client, checked};
+use crate::error::Error;
+use crate::stream::Stream;
+
+/// A body where there is none.
+const NONE: Option<&()> = None;
+
+/// A handle to a session of a server. Every call fails as [`Client::call`] does.
+#[derive(Clone, Debug)]
+pub struct Session {
+    client: Client,
+    id: String,
+}
+
+impl Session {
+    pub(crate) fn new(client: Client, id: &str) -> Session {
+        Session { client, id: id.to_owned() }
+    }
+
+    /// Its name.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// The server that it is on.
+    pub fn client(&self) -> &Client {
+        &self.client
+    }
+
+    /// The path of something below it, such as `/heights`.
+    pub fn path(&self, below: &str) -> String {
+        format!("/v1/sessions/{}{below}", self.id)
+    }
+
+    /// Its configuration, clock and summary.
+    pub async fn view(&self) -> Result<SessionView, Error> {
+        self.get("").await
+    }
+
+    /// Changes some of its settings; others stay.
+    pub async fn set(&self, settings: &SettingsPatch) -> Result<SessionView, Error> {
+        self.client.call(Method::PATCH, &self.path(""), Some(settings)).await
+    }
+
+    /// Ends it. One that is not there counts as ended.
+    pub async fn delete(&self) -> Result<(), Error> {
+        match self.client.tell(Method::DELETE, &self.path(""), NONE).await {
+            Err(Error::Refused { problem, .. }) if problem.status == 404 => Ok(()),
+            done => done,
+        }
+    }
+
+    /// Brings it back to the state in which it was created.
+    pub async fn reset(&self) -> Result<SessionView, Error> {
+        self.client.call(Method::POST, &self.path("/reset"), NONE).await
+    }
+
+    /// Steps it while it is paused.
+    pub async fn step(&self, step: &StepSpec) -> Result<SessionView, Error> {
+        self.post("/step", step).await
+    }
+
+    /// What it takes of the server.
+    pub async fn usage(&self) -> Result<UsageView, Error> {
+        self.get("/usage").await
+    }
+
+    /// Lets snow fall.
+    pub async fn snowfall(&self, snowfall: &Snowfall) -> Result<SnowfallReply, Error> {
+        self.post("/snowfalls", snowfall).await
+    }
+
+    /// Clears snow to a depth.
+    pub async fn clear(&self, clearing: &Clearing) -> Result<ClearingReply, Error> {
+        self.post("/clearings", clearing).await
+    }
+
+    /// Gives the air another temperature \[°C\].
+    pub async fn air_temperature(&self, celsius: f64) -> Result<AirTemperatureReply, Error> {
+        let air = AirTemperature { celsius };
+        self.client.call(Method::PUT, &self.path("/air-temperature"), Some(&air)).await
+    }
+
+    /// Puts an object on the snow; the server names it where it has no id.
+    pub async fn create_collider(&self, collider: &ColliderSpec) -> Result<ColliderReply, Error> {
+        self.post("/colliders", collider).await
+    }
+
+    /// Changes parts of an object; others stay.
+    pub async fn patch_collider(
+        &self,
+        id: &str,
+        patch: &ColliderPatch,
+    ) -> Result<ColliderReply, Error> {
+        self.client.call(Method::PATCH, &self.collider_path(id)?, Some(patch)).await
+    }
+
+    /// An object, and how it stands.
+    pub async fn collider(&self, id: &str) -> Result<ColliderReply, Error> {
+        self.client.call(Method::GET, &self.collider_path(id)?, NONE).await
+    }
+
+    /// Takes an object away.
+    pub async fn delete_collider(&self, id: &str) -> Result<(), Error> {
+        self.client.tell(Method::DELETE, &self.collider_path(id)?, NONE).await
+    }
+
+    /// Puts and removes objects in one frame, all or none.
+    pub async fn change_colliders(&self, batch: &ColliderBatch) -> Result<Stamp, Error> {
+        self.post("/colliders:batch", batch).await
+    }
+
+    /// The material cells of a column.
+    pub async fn column(&self, x: u32, z: u32) -> Result<ColumnView, Error> {
+        self.get(&format!("/columns/{x}/{z}")).await
+    }
+
+    /// The mass ledger.
+    pub async fn mass(&self) -> Result<MassView, Error> {
+        self.get("/mass").await
+    }
+
+    /// How deep loads would sink, without putting them on the snow.
+    pub async fn probe(&self, probes: &ProbeBatch) -> Result<ProbeReply, Error> {
+        self.post("/probes", probes).await
+    }
+
+    /// Opens a height stream, and reads its welcome.
+    pub async fn stream(&self, protocol: SubProtocol) -> Result<Stream, Error> {
+        Stream::open(&self.client, &self.id, protocol).await
+    }
+
+    fn collider_path(&self, id: &str) -> Result<String, Error> {
+        Ok(self.path(&format!("/colliders/{}", checked(id)?)))
+    }
+
+    async fn get<T: DeserializeOwned>(&self, below: &str) -> Result<T, Error> {
+        self.client.call(Method::GET, &self.path(below), NONE).await
+    }
+
+    async fn post<T: DeserializeOwned>(
+        &self,
+        below: &str,
+        body: &impl Serialize,
+    ) -> Result<T, Error> {
+        self.client.call(Method::POST, &self.path(below), Some(body)).await
+    }
+}

@@ -1,0 +1,232 @@
+//! One snowpack's work, in parts of any size.
+
+use firn_snow::{Column, ColumnRect, Grid, Progress, Snowpack, TILE_COLUMNS, TILE_SIDE};
+
+use crate::frame::{Edit, TileCells, Work, WorkOutcome};
+use crate::published::TileColumns;
+
+/// Units of a row of tiles on which snow falls, for each of its columns.
+const EDIT: u64 = 4;
+
+/// Units of putting an object somewhere, beside its columns.
+const OBJECT: u64 = 64;
+
+/// Work that has begun.
+#[derive(Debug)]
+pub struct Job {
+    work: Work,
+    /// The edit that is under way, and the first row of tiles, or tile, that it still has to do.
+    edit: usize,
+    next: u32,
+    /// An object was put since contacts were last evaluated.
+    put: bool,
+    /// What has to be evaluated now, or run.
+    progress: Option<Progress>,
+    /// The cycles have begun.
+    runs: bool,
+    outcome: WorkOutcome,
+    /// Tiles whose masses have been summed.
+    tallied: u32,
+}
+
+impl Job {
+    /// Work that is about to begin.
+    pub fn new(work: Work) -> Job {
+        let outcome = WorkOutcome { slot: work.slot, ..WorkOutcome::default() };
+        Job { work, edit: 0, next: 0, put: false, progress: None, runs: false, outcome, tallied: 0 }
+    }
+
+    /// Takes what a frame says that resumes it.
+    pub fn resume(&mut self, work: &Work) {
+        self.work.publish = work.publish;
+        self.work.limit = work.limit;
+    }
+
+    /// Goes on until the frame's limit. Returns whether all of it is done.
+    pub fn go_on(&mut self, snowpack: &mut Snowpack) -> bool {
+        let most = self.work.limit.unwrap_or(u64::MAX);
+        self.outcome.units = 0;
+        loop {
+            let left = most.saturating_sub(self.outcome.units);
+            if left == 0 {
+                return false;
+            }
+            match self.step(snowpack, left) {
+                Some(units) => self.outcome.units += units,
+                None => return true,
+            }
+        }
+    }
+
+    /// Does the next part. Returns its units; nothing where all of it is done.
+    fn step(&mut self, snowpack: &mut Snowpack, most: u64) -> Option<u64> {
+        if let Some(progress) = &mut self.progress {
+            let units = snowpack.go_on(progress, most);
+            if progress.is_over() {
+                self.outcome.last_change = progress.last_change();
+                self.progress = None;
+            }
+            return Some(units);
+        }
+        if self.edit < self.work.edits.len() {
+            return Some(self.go_on_editing(snowpack));
+        }
+        if !self.runs {
+            self.runs = true;
+            self.begin_run(snowpack);
+            return Some(1);
+        }
+        let tiles = snowpack.grid().tiles();
+        if self.work.tally && self.tallied < tiles {
+            let end = self.tallied.saturating_add(cells_fit(most, snowpack.grid())).min(tiles);
+            self.outcome.mass += snowpack.mass_of(self.tallied..end);
+            let count = u64::from(end - std::mem::replace(&mut self.tallied, end));
+            return Some(count * cells_of(snowpack.grid()));
+        }
+        let gathered = self.outcome.gathered.len();
+        if gathered < self.work.gather.len() {
+            let most = cells_fit(most, snowpack.grid()) as usize;
+            let part = self.work.gather[gathered..].iter().take(most);
+            let cells = part.map(|&tile| tile_cells(snowpack.tile(tile), snowpack.grid().height));
+            self.outcome.gathered.extend(cells);
+            let count = (self.outcome.gathered.len() - gathered) as u64;
+            return Some(count * cells_of(snowpack.grid()));
+        }
+        None
+    }
+
+    /// Begins the cycles, or what is evaluated where there are none.
+    fn begin_run(&mut self, snowpack: &mut Snowpack) {
+        // What is restored is left as it was saved.
+        let edited = self.work.edits.last().is_some_and(|edit| !matches!(edit, Edit::Restore(_)));
+        if self.work.wake {
+            snowpack.wake();
+        }
+        let run = self.work.run;
+        if run.cycles > 0 {
+            self.progress = Some(snowpack.begin_run(run.cycles, run.dt));
+        } else if edited {
+            self.progress = Some(snowpack.begin_evaluation());
+        }
+    }
+
+    /// Goes on with the edit that is under way: a row of tiles of what falls or is cleared, a tile of what
+    /// is restored, all of any other.
+    fn go_on_editing(&mut self, snowpack: &mut Snowpack) -> u64 {
+        let edit = &self.work.edits[self.edit];
+        // The depth an object sinks counts from where it was put, not from later snow.
+        if self.put && matches!(edit, Edit::Deposit(_) | Edit::Clear { .. }) {
+            self.put = false;
+            self.progress = Some(snowpack.begin_evaluation());
+            return 1;
+        }
+        self.put |= matches!(edit, Edit::PutCollider { .. });
+        if self.outcome.edits.len() == self.edit {
+            self.outcome.edits.push(0);
+        }
+        let next = self.next;
+        let (result, units, end) = match edit {
+            Edit::Deposit(fall) => {
+                let part = row_of(fall.columns, next);
+                let refused = snowpack.deposit(part, fall.depth, fall.mass, fall.temperature);
+                (refused, EDIT * part.columns(), rows_of(fall.columns))
+            }
+            Edit::Clear { columns, depth } => {
+                let part = row_of(*columns, next);
+                (snowpack.clear(part, *depth), EDIT * part.columns(), rows_of(*columns))
+            }
+            Edit::PutCollider { id, collider, placed } => {
+                let footprint = collider.footprint.clone();
+                let columns = u64::from(footprint.columns);
+                snowpack.put_collider(id.clone(), collider.mass, footprint, *placed);
+                (0, OBJECT + columns, 1)
+            }
+            Edit::RemoveCollider { id } => {
+                snowpack.remove_collider(id);
+                (0, OBJECT, 1)
+            }
+            Edit::SetMaterial(material) => {
+                snowpack.set_material(*material);
+                (0, u64::from(snowpack.grid().tiles()), 1)
+            }
+            Edit::Restore(contents) => {
+                if let Some(cells) = contents.tiles.get(next as usize) {
+                    let columns = (0..TILE_COLUMNS).map(|column| cells.column(column).collect());
+                    snowpack.restore_tile(next, columns.map(|cells| Column { cells }));
+                }
+                let end = contents.tiles.len() as u32;
+                if next + 1 >= end {
+                    let colliders = contents.colliders.iter().map(|(id, placement, contact)| {
+                        (id.clone(), placement.mass, placement.footprint.clone(), *contact)
+                    });
+                    snowpack.restore_colliders(colliders);
+                }
+                (0, cells_of(snowpack.grid()), end)
+            }
+        };
+        self.outcome.edits[self.edit] += result;
+        self.next += 1;
+        if self.next >= end {
+            (self.edit, self.next) = (self.edit + 1, 0);
+        }
+        units
+    }
+
+    /// What came of all of it, and the heights of the tiles that changed where it publishes.
+    pub fn report(self, snowpack: &mut Snowpack) -> (WorkOutcome, Vec<(u32, TileColumns)>) {
+        let Job { work, mut outcome, .. } = self;
+        let mut changed = Vec::new();
+        if work.publish {
+            outcome.active_tiles = snowpack.active_tiles();
+            outcome.contacts = snowpack.contacts().map(|(id, c)| (id.clone(), *c)).collect();
+            changed = snowpack.take_dirty().collect();
+        }
+        let sample = work.samples.iter();
+        let sample = sample.map(|s| snowpack.sample(s.columns, s.y0, s.height, s.dt));
+        outcome.samples = sample.collect();
+        (outcome, changed)
+    }
+
+    /// What is known of it before all of it is done.
+    pub fn so_far(&self) -> WorkOutcome {
+        let WorkOutcome { slot, units, .. } = self.outcome;
+        WorkOutcome { slot, units, unfinished: true, ..WorkOutcome::default() }
+    }
+}
+
+/// Rows of tiles that columns lie in.
+fn rows_of(columns: ColumnRect) -> u32 {
+    let tiles = columns.tiles();
+    tiles.z1 - tiles.z0
+}
+
+/// The columns that lie in one of those rows of tiles.
+fn row_of(columns: ColumnRect, row: u32) -> ColumnRect {
+    let first = (columns.tiles().z0 + row) * TILE_SIDE;
+    ColumnRect { z0: columns.z0.max(first), z1: columns.z1.min(first + TILE_SIDE), ..columns }
+}
+
+/// Cells of a tile.
+fn cells_of(grid: &Grid) -> u64 {
+    u64::from(TILE_COLUMNS * grid.height)
+}
+
+/// Tiles whose cells are about so many, at least one.
+fn cells_fit(units: u64, grid: &Grid) -> u32 {
+    u32::try_from(units / cells_of(grid)).unwrap_or(u32::MAX).max(1)
+}
+
+/// A tile's cells, slot by slot; without columns, all of them empty.
+fn tile_cells(columns: Option<&[Column]>, height: u32) -> TileCells {
+    let mut cells = TileCells::empty(height);
+    for (index, column) in columns.unwrap_or_default().iter().enumerate() {
+        for (slot, cell) in column.cells.iter().enumerate() {
+            let at = slot * TILE_COLUMNS as usize + index;
+            cells.mass[at] = cell.mass;
+            cells.thickness[at] = cell.thickness;
+            cells.temperature[at] = cell.temperature;
+            cells.stress[at] = cell.stress;
+        }
+    }
+    cells
+}

@@ -1,0 +1,183 @@
+//! A frame, turned into submits: one for each round of edits, the last of which also runs the
+//! cycles and copies out what is reported.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::frame::{EngineError, Frame, Slot};
+
+use super::GpuBackend;
+use super::due::Due;
+use super::job::{Job, Part, Step};
+use super::kernels::KernelId;
+use super::plan::{Dispatch, Planner};
+use super::profile::Profile;
+use super::report::Reports;
+use super::resident::Residents;
+use super::survey::Survey;
+
+impl GpuBackend {
+    /// Carries a frame out and begins to read back what came of it.
+    ///
+    /// # Errors
+    /// [`EngineError::DeviceFailed`] where there is work for a snowpack that is not there.
+    pub(super) fn carry_out(&mut self, mut frame: Frame) -> Result<(), EngineError> {
+        let parted = self.part(&mut frame);
+        let survey = Survey::new(&mut frame, &self.residents)?;
+        let Survey { mut rounds, mut parts, mut totals, .. } = survey;
+        for (&place, part) in &parted {
+            let first = totals.edits;
+            totals.edits += self.results_of(frame.work[place].slot, part);
+            parts[place].edits = first..totals.edits;
+        }
+        let last = rounds.pop().unwrap_or_default();
+
+        self.tables.fit_to(&self.device, &self.arena);
+        self.tables.reserve_results(&self.device, &totals);
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        if let Some(profile) = &mut self.profile {
+            profile.begin(&mut encoder);
+        }
+        let mut evaluated = BTreeSet::new();
+        for round in rounds {
+            let (mut planner, residents) = self.planner(&mut evaluated);
+            planner.edits(residents, round);
+            let dispatches = planner.dispatches;
+            self.encode(&mut encoder, &dispatches);
+            self.tables.mail.finish(&encoder);
+            self.device.queue.submit([encoder.finish()]);
+            encoder = self.device.device.create_command_encoder(&Default::default());
+        }
+
+        let always_awake = self.always_awake;
+        let (mut planner, residents) = self.planner(&mut evaluated);
+        planner.edits(residents, last);
+        let weighing = frame.work.iter().zip(&parts).filter(|(_, part)| part.weighs);
+        planner.weigh(residents, weighing.map(|(work, _)| work.slot));
+        let runs = parted.iter().map(|(&place, part)| (place, part.run)).collect();
+        planner.set_runs(&frame.work, &runs, always_awake);
+        let loaded = frame.work.iter().zip(&parts).filter(|(_, part)| part.may_be_loaded);
+        planner.runs(residents, &frame.work, loaded.map(|(work, _)| work), &totals);
+        let mut flown = BTreeMap::new();
+        for (&place, part) in &parted {
+            let slot = frame.work[place].slot;
+            let Some(resident) = residents.get_mut(slot) else { continue };
+            let Some(mut job) = resident.job.take() else { continue };
+            planner.part(slot, resident, &mut job, part, parts[place].edits.start);
+            flown.insert(place, job.flown(part));
+            resident.job = Some(job);
+        }
+        planner.reports(residents, &frame.work, &totals);
+        let dispatches = planner.dispatches;
+        self.flown = flown;
+        self.encode(&mut encoder, &dispatches);
+        if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
+            self.tables.due.clear(&mut encoder);
+        }
+        self.readback.copy(&self.device, &mut encoder, &self.tables, totals);
+        if let Some(profile) = &self.profile {
+            profile.finish(&mut encoder);
+        }
+        self.tables.mail.finish(&encoder);
+        let buffer = encoder.finish();
+        let submission = self.device.queue.submit([buffer]);
+        // The device is at work: what only its results need is found out meanwhile.
+        let reports = Reports::new(&frame.work, parts, &self.residents);
+        self.readback.begin(submission, reports);
+        Ok(())
+    }
+
+    /// Says what this frame does of work that is too much for one, or goes on. What is done and reported
+    /// besides is left in the frame.
+    fn part(&mut self, frame: &mut Frame) -> BTreeMap<usize, Part> {
+        let mut parted = BTreeMap::new();
+        for (place, work) in frame.work.iter_mut().enumerate() {
+            let Some(resident) = self.residents.get_mut(work.slot) else { continue };
+            let most = work.limit.unwrap_or(u64::MAX);
+            let furnished = self.arena.furnish(&self.device, resident, most);
+            if work.limit.is_none() && !work.resume {
+                continue;
+            }
+            let mut job = match resident.job.take() {
+                Some(mut job) if work.resume => {
+                    job.resume(work);
+                    job
+                }
+                _ => Box::new(Job::new(std::mem::take(work))),
+            };
+            let mut part = job.next_part(resident, furnished);
+            *work = std::mem::take(&mut part.work);
+            resident.job = Some(job);
+            parted.insert(place, part);
+        }
+        parted
+    }
+
+    /// Results of edits that a part has.
+    fn results_of(&self, slot: Slot, part: &Part) -> u32 {
+        let snows = part.steps.iter().any(|step| matches!(step, Step::Snow(_)));
+        let job = self.residents.get(slot).and_then(|resident| resident.job.as_ref());
+        job.filter(|_| snows).map_or(0, |job| job.edits())
+    }
+
+    fn planner<'a>(
+        &'a mut self,
+        evaluated: &'a mut BTreeSet<Slot>,
+    ) -> (Planner<'a>, &'a mut Residents) {
+        let planner = Planner {
+            device: &self.device,
+            arena: &self.arena,
+            tables: &mut self.tables,
+            evaluated,
+            one_by_one: self.one_by_one,
+            turns: &mut self.turns,
+            dispatches: Vec::new(),
+        };
+        (planner, &mut self.residents)
+    }
+
+    /// Writes the rows that dispatches work on, and encodes the dispatches.
+    fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, dispatches: &[Dispatch]) {
+        self.tables.flush(&self.device, encoder, &self.arena);
+        for dispatch in dispatches {
+            let (kernel, page) = (dispatch.kernel, dispatch.page);
+            self.tables.bind(&self.device, &self.arena, &self.pipelines, kernel, page);
+        }
+        if self.profile.as_ref().is_some_and(Profile::is_taking_times) {
+            self.encode_timed(encoder, dispatches);
+        } else {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            dispatches.iter().for_each(|dispatch| self.dispatch(&mut pass, dispatch));
+        }
+    }
+
+    /// Encodes dispatches with a stamp before the first, and one after all that are of one kernel
+    /// and follow each other.
+    fn encode_timed(&mut self, encoder: &mut wgpu::CommandEncoder, dispatches: &[Dispatch]) {
+        let Some(mut profile) = self.profile.take() else { return };
+        profile.stamp(encoder, None);
+        for alike in dispatches.chunk_by(|a, b| a.kernel == b.kernel) {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            alike.iter().for_each(|dispatch| self.dispatch(&mut pass, dispatch));
+            drop(pass);
+            profile.stamp(encoder, Some(alike[0].kernel));
+        }
+        self.profile = Some(profile);
+    }
+
+    fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>, dispatch: &Dispatch) {
+        let binding = self.tables.binding(dispatch.kernel, dispatch.page);
+        pass.set_pipeline(&self.pipelines[dispatch.kernel as usize].pipeline);
+        pass.set_bind_group(0, binding, &[]);
+        pass.set_immediates(0, bytemuck::bytes_of(&dispatch.pass));
+        match dispatch.groups {
+            Some(groups) => {
+                let (x, y) = self.device.groups(groups);
+                pass.dispatch_workgroups(x, y, 1);
+            }
+            None => {
+                let lists = self.tables.due.buffer();
+                pass.dispatch_workgroups_indirect(lists, Due::arguments_of(dispatch.page));
+            }
+        }
+    }
+}

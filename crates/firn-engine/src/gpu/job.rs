@@ -1,0 +1,166 @@
+//! Work of a snowpack that is too much for one frame: what of it is done in each. `cpu/job.rs`
+//! does the same on the reference.
+
+mod part;
+mod steps;
+
+use std::collections::VecDeque;
+
+use crate::frame::{Edit, TileCells, Work, WorkOutcome};
+
+use super::resident::{Resident, rounds};
+
+pub use part::{Flown, Part, Step, When};
+
+/// Work that has begun and not ended.
+#[derive(Debug)]
+pub struct Job {
+    /// What it is, but for its edits.
+    work: Work,
+    /// Edits that are left, round by round, each with its number.
+    rounds: VecDeque<Vec<(u32, Edit)>>,
+    stage: Stage,
+    /// The first object, tile, or row of tiles that the stage still has to do.
+    next: u32,
+    /// Tiles whose stress is to be evaluated after a round of edits.
+    pressed: Vec<u32>,
+    /// Contacts and stresses of the coming cycle have been evaluated, after edits.
+    evaluated: bool,
+    /// Cycles that are over, those that tiles without objects take at once after them, and the one that
+    /// those under objects are in.
+    done: u32,
+    at_once: u32,
+    cycle: u32,
+    /// The cycles have begun.
+    runs: bool,
+    outcome: WorkOutcome,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Restore,
+    Snow,
+    Objects,
+    /// Contacts and stresses after a round of edits.
+    TouchAfterEdits,
+    PressAfterEdits,
+    Weigh,
+    Touch,
+    Press,
+    Free,
+    Loaded,
+    Gather,
+    Over,
+}
+
+impl Job {
+    /// Work that is about to begin.
+    pub fn new(mut work: Work) -> Job {
+        let edits = (0..).zip(std::mem::take(&mut work.edits)).collect::<Vec<_>>();
+        let count = edits.len();
+        let rounds = rounds(edits).into_iter().map(|(edits, _)| edits).collect();
+        let outcome =
+            WorkOutcome { slot: work.slot, edits: vec![0; count], ..WorkOutcome::default() };
+        let mut job = Job {
+            work,
+            rounds,
+            stage: Stage::Over,
+            next: 0,
+            pressed: Vec::new(),
+            evaluated: false,
+            done: 0,
+            at_once: 0,
+            cycle: 0,
+            runs: false,
+            outcome,
+        };
+        job.begin_round();
+        job
+    }
+
+    /// Takes what a frame says that resumes it.
+    pub fn resume(&mut self, work: &Work) {
+        (self.work.publish, self.work.limit) = (work.publish, work.limit);
+    }
+
+    /// Edits that it has in all.
+    pub fn edits(&self) -> u32 {
+        self.outcome.edits.len() as u32
+    }
+
+    /// Edits of the round that is under way.
+    pub fn round(&self) -> &[(u32, Edit)] {
+        self.rounds.front().map_or(&[], Vec::as_slice)
+    }
+
+    /// Ends the round that is under way.
+    pub fn end_round(&mut self) -> Vec<(u32, Edit)> {
+        self.rounds.pop_front().unwrap_or_default()
+    }
+
+    /// Says of which tiles the stress is to be evaluated after that.
+    pub fn press_later(&mut self, tiles: Vec<u32>) {
+        self.pressed = tiles;
+    }
+
+    fn enter(&mut self, stage: Stage) {
+        (self.stage, self.next) = (stage, 0);
+    }
+
+    /// Begins with the next round of edits, or with the cycles.
+    fn begin_round(&mut self) {
+        let stage = match self.round().first() {
+            Some((_, Edit::Restore(_))) => Stage::Restore,
+            Some(_) => Stage::Snow,
+            None => Stage::Weigh,
+        };
+        self.enter(stage);
+    }
+
+    /// What the next frame does, beside so many units that it does already: as much as its limit allows.
+    pub fn next_part(&mut self, resident: &Resident, units: u64) -> Part {
+        let most = self.work.limit.unwrap_or(u64::MAX);
+        let mut part = Part { done: self.done, units, ..Part::default() };
+        part.work = Work { slot: self.work.slot, ..Work::default() };
+        let mut ends = resident.unfurnished.is_some();
+        while self.stage != Stage::Over && part.units < most && !ends {
+            let left = most - part.units;
+            ends = self.step(resident, left, &mut part);
+        }
+        self.outcome.unfinished = self.stage != Stage::Over;
+        if !self.outcome.unfinished {
+            part.work.publish = self.work.publish;
+            part.work.tally = self.work.tally;
+            part.work.samples = std::mem::take(&mut self.work.samples);
+        }
+        part
+    }
+
+    /// What is to be known of a part when it is done.
+    pub fn flown(&self, part: &Part) -> Flown {
+        Flown { done: part.done, units: part.units, unfinished: self.outcome.unfinished }
+    }
+
+    /// Takes in what came of a part.
+    pub fn take_in(&mut self, part: &Flown, outcome: WorkOutcome) -> WorkOutcome {
+        for (sum, own) in self.outcome.edits.iter_mut().zip(&outcome.edits) {
+            *sum += own;
+        }
+        if outcome.last_change > 0 {
+            self.outcome.last_change = part.done + outcome.last_change;
+        }
+        self.outcome.gathered.extend(outcome.gathered);
+        if part.unfinished {
+            let (slot, units) = (outcome.slot, part.units);
+            return WorkOutcome { slot, units, unfinished: true, ..WorkOutcome::default() };
+        }
+        let gathered: Vec<TileCells> = std::mem::take(&mut self.outcome.gathered);
+        WorkOutcome {
+            units: part.units,
+            edits: std::mem::take(&mut self.outcome.edits),
+            last_change: self.outcome.last_change,
+            gathered,
+            ..outcome
+        }
+    }
+}

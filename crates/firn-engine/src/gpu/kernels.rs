@@ -1,0 +1,299 @@
+//! The compute kernels: one table declares each one's source and what it binds.
+
+use super::layout::Pass;
+
+/// A buffer that kernels bind, named as in their source.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Resource {
+    /// Constants of each snowpack.
+    Sessions,
+    /// What each snowpack does in this frame.
+    Runs,
+    /// Sums over each snowpack in this frame.
+    Tallies,
+    /// Where each tile is.
+    Tiles,
+    /// Flags of each tile.
+    States,
+    /// Height of each column.
+    Heights,
+    /// Slots filled in each column.
+    Filled,
+    /// Ground elevation of each column.
+    Ground,
+    /// Where each page's part of the list of due tiles begins.
+    PageStarts,
+    /// Due tiles, page by page, and behind them the lists written by the host.
+    Due,
+    /// Objects of this frame.
+    Colliders,
+    /// Spans of columns under the objects.
+    Spans,
+    /// How each object touches the snow.
+    Contacts,
+    /// Tiles whose stress is to be evaluated.
+    LoadJobs,
+    /// Objects on those tiles.
+    Loads,
+    /// Tiles on which snow falls or is cleared.
+    EditJobs,
+    /// What falls or is cleared.
+    Operations,
+    /// Which of it touches each of those tiles.
+    OperationLists,
+    /// What was refused or cleared.
+    OperationResults,
+    /// Boxes of the fixed grid that are asked for.
+    SampleJobs,
+    /// Cells of the fixed grid.
+    Samples,
+    /// Number of tiles packed for publication.
+    PackedCount,
+    /// Which tiles are packed, 64 at a time.
+    PackedGroups,
+    /// Heights of the tiles packed for publication.
+    Packed,
+    /// Mass of each cell of a page.
+    Mass,
+    /// Thickness of each cell of a page.
+    Thickness,
+    /// Temperature of each cell of a page.
+    Temperature,
+    /// Stress of each cell of a page.
+    Stress,
+}
+
+/// How a kernel uses a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Read only.
+    Read,
+    /// Read and written.
+    Write,
+}
+
+/// Bytes of what every dispatch is told as an immediate: its [`Pass`].
+pub const PASS_BYTES: u32 = std::mem::size_of::<Pass>() as u32;
+
+/// Threads of the largest workgroup.
+pub const LARGEST_WORKGROUP: u32 = 256;
+
+/// One compute kernel.
+#[derive(Debug)]
+pub struct Kernel {
+    /// Name of its file, without the ending.
+    pub name: &'static str,
+    /// Its entry point.
+    pub entry_point: &'static str,
+    /// Source, in the order in which it is put together.
+    pub source: &'static [&'static str],
+    /// What it binds, in the order of the binding numbers.
+    pub bindings: &'static [(Resource, Access)],
+}
+
+/// Number of a kernel in [`KERNELS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum KernelId {
+    /// Lets snow fall and clears it.
+    Snowfall,
+    /// Evaluates how objects touch the snow.
+    Contact,
+    /// Evaluates stresses.
+    Stress,
+    /// Lists the tiles that are due.
+    Schedule,
+    /// Compacts cells.
+    Compact,
+    /// Packs changed tiles.
+    Publish,
+    /// Sums masses.
+    Tally,
+    /// Samples the fixed grid.
+    Sample,
+}
+
+const LAYOUT: &str = include_str!("../../../../shaders/shared/layout.wgsl");
+const MATERIAL: &str = include_str!("../../../../shaders/shared/material.wgsl");
+const WIDE: &str = include_str!("../../../../shaders/shared/wide.wgsl");
+
+use Access::{Read, Write};
+use Resource::*;
+
+/// All kernels, in the order of [`KernelId`].
+pub const KERNELS: [Kernel; 8] = [
+    Kernel {
+        name: "snowfall",
+        entry_point: "snowfall",
+        source: &[LAYOUT, WIDE, include_str!("../../../../shaders/snowfall.wgsl")],
+        bindings: &[
+            (Sessions, Read),
+            (Tiles, Read),
+            (States, Write),
+            (Heights, Write),
+            (Filled, Write),
+            (EditJobs, Read),
+            (Operations, Read),
+            (OperationResults, Write),
+            (Mass, Write),
+            (Thickness, Write),
+            (Temperature, Write),
+            (Stress, Write),
+            (OperationLists, Read),
+        ],
+    },
+    Kernel {
+        name: "contact",
+        entry_point: "contact",
+        source: &[LAYOUT, include_str!("../../../../shaders/contact.wgsl")],
+        bindings: &[
+            (Sessions, Read),
+            (Runs, Read),
+            (Heights, Read),
+            (Ground, Read),
+            (Colliders, Read),
+            (Spans, Read),
+            (Contacts, Write),
+        ],
+    },
+    Kernel {
+        name: "stress",
+        entry_point: "evaluate_stress",
+        source: &[LAYOUT, include_str!("../../../../shaders/stress.wgsl")],
+        bindings: &[
+            (Sessions, Read),
+            (Runs, Read),
+            (Tiles, Read),
+            (States, Write),
+            (Heights, Read),
+            (Filled, Read),
+            (Ground, Read),
+            (Colliders, Read),
+            (Spans, Read),
+            (Contacts, Read),
+            (LoadJobs, Read),
+            (Loads, Read),
+            (Mass, Read),
+            (Thickness, Read),
+            (Stress, Write),
+        ],
+    },
+    Kernel {
+        name: "schedule",
+        entry_point: "schedule",
+        source: &[LAYOUT, include_str!("../../../../shaders/schedule.wgsl")],
+        bindings: &[(Runs, Read), (Tiles, Read), (States, Write), (PageStarts, Read), (Due, Write)],
+    },
+    Kernel {
+        name: "compact",
+        entry_point: "compact",
+        source: &[LAYOUT, MATERIAL, include_str!("../../../../shaders/compact.wgsl")],
+        bindings: &[
+            (Sessions, Read),
+            (Runs, Read),
+            (Tiles, Read),
+            (States, Write),
+            (Filled, Read),
+            (Heights, Write),
+            (Tallies, Write),
+            (Due, Read),
+            (Mass, Read),
+            (Thickness, Write),
+            (Temperature, Read),
+            (Stress, Read),
+        ],
+    },
+    Kernel {
+        name: "publish",
+        entry_point: "publish",
+        source: &[LAYOUT, include_str!("../../../../shaders/publish.wgsl")],
+        bindings: &[
+            (Runs, Read),
+            (Tiles, Read),
+            (States, Write),
+            (Heights, Read),
+            (Tallies, Write),
+            (PackedCount, Write),
+            (PackedGroups, Write),
+            (Packed, Write),
+        ],
+    },
+    Kernel {
+        name: "tally",
+        entry_point: "tally",
+        source: &[LAYOUT, include_str!("../../../../shaders/tally.wgsl")],
+        bindings: &[(Tiles, Read), (Filled, Read), (Runs, Read), (Tallies, Write), (Mass, Read)],
+    },
+    Kernel {
+        name: "sample",
+        entry_point: "sample",
+        source: &[LAYOUT, MATERIAL, include_str!("../../../../shaders/sample.wgsl")],
+        bindings: &[
+            (Sessions, Read),
+            (Tiles, Read),
+            (Filled, Read),
+            (Ground, Read),
+            (SampleJobs, Read),
+            (Samples, Write),
+            (Mass, Read),
+            (Thickness, Read),
+            (Temperature, Read),
+            (Stress, Read),
+        ],
+    },
+];
+
+/// A kernel made ready for a device.
+#[derive(Debug)]
+pub struct Pipeline {
+    /// The pipeline.
+    pub pipeline: wgpu::ComputePipeline,
+    /// Layout of its one bind group.
+    pub layout: wgpu::BindGroupLayout,
+}
+
+impl Kernel {
+    /// Its whole source.
+    pub fn wgsl(&self) -> String {
+        self.source.join("\n")
+    }
+
+    /// Compiles it for a device.
+    pub fn pipeline(&self, device: &wgpu::Device) -> Pipeline {
+        let entries: Vec<_> = (0..).zip(self.bindings).map(|(i, b)| layout_entry(i, b)).collect();
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(self.name),
+            entries: &entries,
+        });
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(self.name),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: PASS_BYTES,
+        });
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(self.name),
+            source: wgpu::ShaderSource::Wgsl(self.wgsl().into()),
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(self.name),
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(self.entry_point),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        Pipeline { pipeline, layout }
+    }
+}
+
+fn layout_entry(binding: u32, &(_, access): &(Resource, Access)) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only: access == Access::Read },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    }
+}

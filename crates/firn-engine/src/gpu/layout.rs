@@ -1,0 +1,368 @@
+//! The tables that host and kernels share, as `shaders/shared/layout.wgsl` declares them.
+
+use bytemuck::{Pod, Zeroable};
+use firn_snow::{CELL, Footing, Grid, Material, gold_prefactor};
+
+use crate::frame::{Layout, Slot};
+
+use super::pages::Place;
+
+/// `Run.flags`: all tiles are to be woken.
+pub const WAKE: u32 = 1;
+/// `Run.flags`: changed tiles are to be packed.
+pub const PUBLISH: u32 = 2;
+/// `Run.flags`: contacts have been evaluated for the first cycle, after the edits of this frame.
+pub const EDITED: u32 = 4;
+/// `Run.flags`: no tile sleeps.
+pub const ALWAYS_AWAKE: u32 = 8;
+/// `Run.flags`: a part of the cycles is done, on tiles that the host lists.
+pub const PARTED: u32 = 16;
+/// `Pass.flags`: nothing may be skipped.
+pub const AFTER_EDITS: u32 = 1;
+/// `Pass.flags`: a list of tiles is gone through from its end.
+pub const BACKWARDS: u32 = 2;
+/// `Pass.flags`: the listed tiles are those under objects, after the first cycle.
+pub const UNDER_OBJECTS: u32 = 4;
+/// A tile's state: a cell changed in the last cycle, or was disturbed since.
+pub const AWAKE: u32 = 1;
+/// A tile's state: a height changed since the last publication.
+pub const DIRTY: u32 = 2;
+/// `Tile.shape`: an object's footprint covers a column of it.
+pub const LOADED: u32 = 1 << 31;
+/// `Operation.kind`: snow falls.
+pub const DEPOSIT: u32 = 0;
+/// `Operation.kind`: snow is cleared.
+pub const CLEAR: u32 = 1;
+/// `Tile.session` of a tile that no session owns.
+pub const NO_SESSION: u32 = u32::MAX;
+/// `Contact.last_bottom` of an object that has been through no cycle where it stands.
+pub const NO_CYCLE: u32 = u32::MAX;
+
+/// A snowpack's constants.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Session {
+    /// First of its tiles; they stand in one row of the table.
+    pub first_tile: u32,
+    /// Tiles along x.
+    pub tiles_x: u32,
+    /// Columns along x.
+    pub width: u32,
+    /// Columns along z.
+    pub depth: u32,
+    /// Slots of a column.
+    pub height: u32,
+    /// [`firn_snow::HardnessLaw`].
+    pub hardness_law: u32,
+    /// [`firn_snow::LoadDistribution`].
+    pub load_distribution: u32,
+    /// Exponent n of the stiffness law.
+    pub stiffness_exponent: f32,
+    /// Density of one mass quantum in one thickness quantum \[kg/m³\].
+    pub density: f32,
+    /// Thickness quanta of one mass quantum at the largest density.
+    pub densest: f32,
+    /// Length of one thickness quantum \[m\].
+    pub metres: f32,
+    /// Gold's hardness at 20 kg/m³ and −3 °C \[Pa\].
+    pub gold: f32,
+}
+
+impl Session {
+    /// The row of a snowpack.
+    pub fn new(layout: &Layout, first_tile: u32) -> Session {
+        let grid = &layout.grid;
+        let row = Session {
+            first_tile,
+            tiles_x: grid.tiles_x(),
+            width: grid.width,
+            depth: grid.depth,
+            height: grid.height,
+            metres: grid.cell_size as f32 / CELL as f32,
+            ..Session::default()
+        };
+        row.with_material(grid, &layout.material)
+    }
+
+    /// The row with other material constants.
+    pub fn with_material(self, grid: &Grid, material: &Material) -> Session {
+        // Quanta of thickness are 2⁶ times as fine as those of mass.
+        let density = 64.0 / grid.cell_size;
+        Session {
+            hardness_law: material.hardness_law as u32,
+            load_distribution: material.load_distribution as u32,
+            stiffness_exponent: material.stiffness_exponent as f32,
+            density: density as f32,
+            densest: (density / material.max_density) as f32,
+            gold: gold_prefactor(material.grain_size_mm),
+            ..self
+        }
+    }
+}
+
+/// What a snowpack does in this frame.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Run {
+    /// Cycles.
+    pub cycles: u32,
+    /// [`WAKE`], [`PUBLISH`], [`EDITED`], [`ALWAYS_AWAKE`] and [`PARTED`].
+    pub flags: u32,
+    /// Cycle length over the reference cell size \[s/m\].
+    pub rate: f32,
+    /// Its row in the table of sums.
+    pub tally: u32,
+}
+
+/// Where a tile is.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Tile {
+    /// Its snowpack's row, or [`NO_SESSION`].
+    pub session: u32,
+    /// Page that holds its cells.
+    pub page: u32,
+    /// First of its rows of 64 cells in the page.
+    pub row: u32,
+    /// Columns along x that the snowpack has of it, those along z in the next byte, and [`LOADED`].
+    pub shape: u32,
+}
+
+impl Tile {
+    /// A tile of a snowpack, with an object's footprint on it or with none.
+    pub fn new(session: Slot, place: Place, grid: &Grid, tile: u32, loaded: bool) -> Tile {
+        let rect = grid.tile_rect(tile);
+        let loaded = if loaded { LOADED } else { 0 };
+        let shape = (rect.x1 - rect.x0) | ((rect.z1 - rect.z0) << 8) | loaded;
+        Tile { session, page: place.page, row: place.row, shape }
+    }
+
+    /// A tile of nobody.
+    pub const NOBODYS: Tile = Tile { session: NO_SESSION, page: 0, row: 0, shape: 0 };
+}
+
+/// Sums of one frame over a snowpack.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Tally {
+    /// 1 + index of the last cycle in which a cell changed.
+    pub last_change: u32,
+    /// Tiles that are awake.
+    pub active_tiles: u32,
+    /// Mass quanta in all cells, low word.
+    pub mass_low: u32,
+    /// Mass quanta in all cells, high word.
+    pub mass_high: u32,
+}
+
+/// An object in this frame.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Collider {
+    /// Its snowpack's row.
+    pub session: u32,
+    /// Its row in the table of contacts.
+    pub contact: u32,
+    /// First row of columns.
+    pub z0: u32,
+    /// First of its spans.
+    pub first_span: u32,
+    /// Rows of columns.
+    pub rows: u32,
+    /// Columns.
+    pub columns: u32,
+    /// Lowest begin of a span.
+    pub x0: u32,
+    /// Highest end of a span.
+    pub x1: u32,
+    /// Area of the footprint \[m²\].
+    pub area: f32,
+    /// Weight \[N\].
+    pub weight: f32,
+    /// Not 0 where the depth it has sunk is counted from this evaluation.
+    pub placed: u32,
+    /// Not 0 where a cycle follows this evaluation.
+    pub runs: u32,
+}
+
+/// How an object touches the snow.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Contact {
+    /// Elevation of the bottom.
+    pub bottom: u32,
+    /// Bottom when it was placed or last moved.
+    pub reference: u32,
+    /// Σ of shares, low word.
+    pub support_low: u32,
+    /// Σ of shares, high word.
+    pub support_high: u32,
+    /// Contact area \[m²\].
+    pub area: f32,
+    /// Pressure \[Pa\].
+    pub pressure: f32,
+    /// Width b over which the load spreads \[m\].
+    pub width: f32,
+    /// Not 0 where bottom and support were those of the last cycle before, when they were evaluated.
+    pub resting: u32,
+    /// Bottom in the last cycle; `NO_CYCLE` where there was none since it was placed.
+    pub last_bottom: u32,
+    /// Σ of shares in the last cycle, low word.
+    pub last_support_low: u32,
+    /// Σ of shares in the last cycle, high word.
+    pub last_support_high: u32,
+}
+
+impl From<&firn_snow::Contact> for Contact {
+    fn from(contact: &firn_snow::Contact) -> Self {
+        let none = Footing { bottom: NO_CYCLE, support: 0 };
+        let last_cycle = contact.last_cycle.unwrap_or(none);
+        Contact {
+            bottom: contact.bottom,
+            reference: contact.reference,
+            support_low: contact.support as u32,
+            support_high: (contact.support >> 32) as u32,
+            area: contact.area,
+            pressure: contact.pressure,
+            width: contact.area.sqrt(),
+            resting: u32::from(contact.resting),
+            last_bottom: last_cycle.bottom,
+            last_support_low: last_cycle.support as u32,
+            last_support_high: (last_cycle.support >> 32) as u32,
+        }
+    }
+}
+
+impl From<Contact> for firn_snow::Contact {
+    fn from(row: Contact) -> Self {
+        let support = join(row.last_support_low, row.last_support_high);
+        let last_cycle = Footing { bottom: row.last_bottom, support };
+        firn_snow::Contact {
+            bottom: row.bottom,
+            reference: row.reference,
+            support: join(row.support_low, row.support_high),
+            area: row.area,
+            pressure: row.pressure,
+            resting: row.resting != 0,
+            last_cycle: Some(last_cycle).filter(|footing| footing.bottom != NO_CYCLE),
+        }
+    }
+}
+
+/// A tile and the objects that may stand on it, ascending by their ids.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct LoadJob {
+    /// The tile.
+    pub tile: u32,
+    /// First of its loads.
+    pub first_load: u32,
+    /// Number of its loads.
+    pub loads: u32,
+    /// Fills the row.
+    pub padding: u32,
+}
+
+/// A tile and the operations that touch it: some of the table of lists, in order of arrival.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct EditJob {
+    /// The tile.
+    pub tile: u32,
+    /// Where the first of the operations stands in the table of lists.
+    pub first_operation: u32,
+    /// Number of the operations.
+    pub operations: u32,
+    /// Fills the row.
+    pub padding: u32,
+}
+
+/// Snow that falls, or is cleared.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Operation {
+    /// First column along x and z, and their ends.
+    pub columns: [u32; 4],
+    /// Mass quanta that fall; depth in thickness quanta, of what falls or of what is left standing;
+    /// mass quanta of a full cell of what falls; bits of its temperature \[°C\].
+    pub snow: [u32; 4],
+    /// [`DEPOSIT`] or [`CLEAR`].
+    pub kind: u32,
+    /// Its row in the table of results.
+    pub result: u32,
+    /// Fills the row.
+    pub padding: [u32; 2],
+}
+
+/// Mass quanta that an operation refused or cleared.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct OperationResult {
+    /// Low word.
+    pub low: u32,
+    /// High word.
+    pub high: u32,
+}
+
+/// Which tiles of 64 neighbours are packed for publication, and where the first of them is.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct PackedGroup {
+    /// A bit for each of the first 32 tiles.
+    pub changed_low: u32,
+    /// A bit for each of the other 32.
+    pub changed_high: u32,
+    /// The first packed one among all that are packed; the others follow in order.
+    pub first: u32,
+}
+
+/// A box of the fixed grid that is asked for.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct SampleJob {
+    /// Its snowpack's row.
+    pub session: u32,
+    /// First of its samples: x fastest, then y, then z.
+    pub first: u32,
+    /// First column along x.
+    pub x0: u32,
+    /// First cell along y.
+    pub y0: u32,
+    /// First column along z.
+    pub z0: u32,
+    /// Cells along x.
+    pub width: u32,
+    /// Cells along y.
+    pub height: u32,
+    /// Cells along z.
+    pub depth: u32,
+    /// Cycle length over the reference cell size \[s/m\].
+    pub rate: f32,
+    /// Fills the row.
+    pub padding: u32,
+}
+
+/// What one dispatch works on.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Pass {
+    /// First entry of its list.
+    pub first: u32,
+    /// Entries of its list.
+    pub count: u32,
+    /// First cycle that is run.
+    pub cycle: u32,
+    /// Cycles that are run at the most.
+    pub cycles: u32,
+    /// The page whose cells are bound.
+    pub page: u32,
+    /// [`AFTER_EDITS`], [`BACKWARDS`] and [`UNDER_OBJECTS`].
+    pub flags: u32,
+    /// Where the length of a list of tiles stands.
+    pub length: u32,
+}
+
+/// A 64-bit number of two words.
+pub fn join(low: u32, high: u32) -> u64 {
+    u64::from(high) << 32 | u64::from(low)
+}

@@ -1,0 +1,325 @@
+//! Snow that falls or is cleared, objects that come, move and go, and what they press on.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::Arc;
+
+use firn_snow::{ColumnRect, Contact, TILE_SIDE};
+
+use crate::frame::{Contents, Deposit, Edit, Placement, Slot};
+use crate::gpu::kernels::KernelId;
+use crate::gpu::layout::{AFTER_EDITS, CLEAR, DEPOSIT, EditJob, LoadJob, Operation, Pass, Tile};
+use crate::gpu::resident::{Body, Resident, Residents};
+
+use super::{Planner, Round, tiles_in};
+
+/// What edits leave to be done in one round.
+#[derive(Default)]
+struct Edited {
+    /// Tiles with operations, by page.
+    edit_jobs: Vec<(u32, EditJob)>,
+    /// Tiles whose stress is to be evaluated, by page.
+    load_jobs: Vec<(u32, LoadJob)>,
+    colliders: u32,
+}
+
+impl Planner<'_> {
+    /// Plans the edits of one round of all snowpacks: snow falls, then contacts are evaluated, and
+    /// stresses where loads or constants may have changed.
+    pub fn edits(&mut self, residents: &mut Residents, rounds: Vec<Round>) {
+        let first_collider = self.tables.orders.colliders.len();
+        let mut edited = Edited::default();
+        for round in rounds {
+            if let Some(resident) = residents.get_mut(round.slot) {
+                self.edit(resident, round, &mut edited);
+            }
+        }
+        self.snowfalls(edited.edit_jobs);
+        if edited.colliders > 0 {
+            let count = edited.colliders;
+            let pass = Pass { first: first_collider, count, ..edit_pass() };
+            self.dispatch(KernelId::Contact, 0, pass, count);
+        }
+        self.stresses(edited.load_jobs);
+    }
+
+    /// Plans that stresses are evaluated that edits have left for when something needs them.
+    pub fn weigh(&mut self, residents: &mut Residents, slots: impl Iterator<Item = Slot>) {
+        let mut jobs = Vec::new();
+        for slot in slots {
+            let Some(resident) = residents.get_mut(slot) else { continue };
+            jobs.extend(unweighed(resident, u32::MAX));
+        }
+        self.stresses(jobs);
+    }
+
+    /// Plans that stresses of some tiles are evaluated that edits have left.
+    pub(super) fn weigh_some(&mut self, resident: &mut Resident, count: u32) {
+        let jobs = unweighed(resident, count).collect();
+        self.stresses(jobs);
+    }
+
+    fn stresses(&mut self, jobs: Vec<(u32, LoadJob)>) {
+        for (page, jobs) in by_page(jobs) {
+            let (first, count) = (self.tables.orders.load_jobs.len(), jobs.len() as u32);
+            self.tables.orders.load_jobs.extend(jobs);
+            self.dispatch(KernelId::Stress, page, Pass { first, count, ..edit_pass() }, count);
+        }
+    }
+
+    fn edit(&mut self, resident: &mut Resident, round: Round, edited: &mut Edited) {
+        let Round { slot, edits, runs } = round;
+        // Tiles with the operations that touch them.
+        let mut snowed: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        let mut stressed = BTreeSet::new();
+        let mut moved = false;
+        let evaluates = edits.iter().any(|(_, edit)| !matches!(edit, Edit::Restore(_)));
+        for (result, edit) in edits {
+            match edit {
+                Edit::Deposit(_) | Edit::Clear { .. } => {
+                    self.operate(resident, &edit, result, &mut snowed);
+                }
+                other => {
+                    if let Edit::Restore(contents) = &other {
+                        let all = 0..resident.lot.places.len() as u32;
+                        self.arena.restore(self.device, &resident.lot, all, &contents.tiles);
+                    }
+                    moved |= self.alter(slot, resident, other, &mut stressed);
+                }
+            }
+        }
+        if moved {
+            self.mark_loaded(slot, resident);
+        }
+        if !evaluates {
+            // What is restored is left as it was saved; the next cycle evaluates it.
+            return;
+        }
+        if runs {
+            self.evaluated.insert(slot);
+        }
+        resident.unweighed.extend(snowed.keys().copied());
+        self.edit_jobs(resident, snowed, &mut edited.edit_jobs);
+        stressed.extend(resident.loads.keys().copied());
+        for tile in &stressed {
+            resident.unweighed.remove(tile);
+        }
+        edited.colliders += resident.bodies.len() as u32;
+        let first = self.collider_rows(slot, resident, runs);
+        self.load_jobs(first, resident, stressed.into_iter(), &mut edited.load_jobs);
+        resident.bodies.values_mut().for_each(|body| body.placed = false);
+    }
+
+    /// Carries out an edit that lets no snow fall and clears none, but for the cells of one that restores.
+    /// Adds the tiles whose stress may be another then, and returns whether objects have come, moved or
+    /// gone.
+    pub(super) fn alter(
+        &mut self,
+        slot: Slot,
+        resident: &mut Resident,
+        edit: Edit,
+        stressed: &mut BTreeSet<u32>,
+    ) -> bool {
+        match edit {
+            Edit::PutCollider { id, collider, placed } => {
+                let tiles = collider.footprint.tiles(&resident.layout.grid);
+                stressed.extend(tiles.iter().copied());
+                let old = resident.bodies.get(&id);
+                stressed.extend(old.iter().flat_map(|old| old.tiles.iter().copied()));
+                let contact =
+                    old.map_or_else(|| self.tables.take_contact(self.device), |old| old.contact);
+                let placed = placed || old.is_none_or(|old| old.placed);
+                resident.bodies.insert(id, Body { placement: collider, contact, tiles, placed });
+                true
+            }
+            Edit::RemoveCollider { id } => {
+                let Some(body) = resident.bodies.remove(&id) else { return false };
+                stressed.extend(body.tiles.iter().copied());
+                self.tables.forget_bodies(std::iter::once(&body));
+                true
+            }
+            Edit::SetMaterial(material) => {
+                resident.layout.material = material;
+                resident.row = resident.row.with_material(&resident.layout.grid, &material);
+                self.tables.set_session(self.device, slot, &resident.row);
+                stressed.extend(0..resident.lot.places.len() as u32);
+                false
+            }
+            Edit::Restore(contents) => {
+                self.tables.forget_bodies(resident.bodies.values());
+                resident.bodies = self.restore_bodies(resident, &contents);
+                resident.unweighed.clear();
+                true
+            }
+            Edit::Deposit(_) | Edit::Clear { .. } => false,
+        }
+    }
+
+    /// Adds a snowfall or clearing of some columns, the result of which has a number, and lists it for
+    /// their tiles.
+    fn operate(
+        &mut self,
+        resident: &Resident,
+        edit: &Edit,
+        result: u32,
+        snowed: &mut BTreeMap<u32, Vec<u32>>,
+    ) {
+        let (kind, columns, snow) = match edit {
+            Edit::Deposit(deposit) => (DEPOSIT, deposit.columns, deposited(deposit)),
+            Edit::Clear { columns, depth } => (CLEAR, *columns, [0, *depth, 0, 0]),
+            _ => return,
+        };
+        let ColumnRect { x0, z0, x1, z1 } = columns;
+        let columns_row = [x0, z0, x1, z1];
+        let row = Operation { columns: columns_row, snow, kind, result, padding: [0; 2] };
+        let row = self.tables.orders.operations.push(row);
+        for tile in tiles_in(columns, resident.row.tiles_x) {
+            snowed.entry(tile).or_default().push(row);
+        }
+    }
+
+    /// Has snow fall and cleared on some rows of tiles, by edits each with the number of its result.
+    pub(super) fn snow_on(
+        &mut self,
+        resident: &mut Resident,
+        edits: &[(u32, Edit)],
+        rows: std::ops::Range<u32>,
+    ) {
+        let (first, end) = (rows.start * TILE_SIDE, rows.end.saturating_mul(TILE_SIDE));
+        let mut snowed = BTreeMap::new();
+        for (result, edit) in edits {
+            let mut part = edit.clone();
+            if let Edit::Deposit(Deposit { columns, .. }) | Edit::Clear { columns, .. } = &mut part
+            {
+                (columns.z0, columns.z1) = (columns.z0.max(first), columns.z1.min(end));
+                if columns.z0 < columns.z1 {
+                    self.operate(resident, &part, *result, &mut snowed);
+                }
+            }
+        }
+        resident.unweighed.extend(snowed.keys().copied());
+        let mut jobs = Vec::new();
+        self.edit_jobs(resident, snowed, &mut jobs);
+        self.snowfalls(jobs);
+    }
+
+    fn snowfalls(&mut self, jobs: Vec<(u32, EditJob)>) {
+        for (page, jobs) in by_page(jobs) {
+            let (first, count) = (self.tables.orders.edit_jobs.len(), jobs.len() as u32);
+            self.tables.orders.edit_jobs.extend(jobs);
+            self.dispatch(KernelId::Snowfall, page, Pass { first, count, ..edit_pass() }, count);
+        }
+    }
+
+    /// Adds jobs for tiles with the operations that touch them. Tiles that the same operations touch
+    /// share a list of them.
+    fn edit_jobs(
+        &mut self,
+        resident: &Resident,
+        snowed: BTreeMap<u32, Vec<u32>>,
+        jobs: &mut Vec<(u32, EditJob)>,
+    ) {
+        let rows = &mut self.tables.orders.operation_lists;
+        let mut lists: HashMap<Vec<u32>, u32> = HashMap::new();
+        for (tile, list) in snowed {
+            let operations = list.len() as u32;
+            let first_operation = *lists.entry(list).or_insert_with_key(|list| {
+                rows.extend(list.iter().copied());
+                rows.len() - operations
+            });
+            let tile_row = resident.lot.tiles.start + tile;
+            let job = EditJob { tile: tile_row, first_operation, operations, padding: 0 };
+            jobs.push((resident.page(tile), job));
+        }
+    }
+
+    /// Writes the contacts of saved objects, as they were.
+    fn restore_bodies(
+        &mut self,
+        resident: &Resident,
+        contents: &Contents,
+    ) -> BTreeMap<Arc<str>, Body> {
+        let body = |(id, placement, contact): &(Arc<str>, Arc<Placement>, Contact)| {
+            let row = self.tables.take_contact(self.device);
+            self.tables.set_contact(self.device, row, contact);
+            let tiles = placement.footprint.tiles(&resident.layout.grid);
+            let body = Body { placement: placement.clone(), contact: row, tiles, placed: false };
+            (id.clone(), body)
+        };
+        contents.colliders.iter().map(body).collect()
+    }
+
+    /// Lists the objects on each tile anew, and tells the device which tiles they stand on.
+    pub(super) fn mark_loaded(&mut self, slot: Slot, resident: &mut Resident) {
+        for tile in resident.list_loads() {
+            let place = resident.lot.places[tile as usize];
+            let loaded = resident.loads.contains_key(&tile);
+            let row = Tile::new(slot, place, &resident.layout.grid, tile, loaded);
+            self.tables.tile_rows.push((resident.lot.tiles.start + tile, row));
+        }
+    }
+
+    /// Adds a snowpack's objects to the tables; `runs` says whether a cycle follows what they are for.
+    /// Returns the row of the first.
+    pub(super) fn collider_rows(&mut self, slot: Slot, resident: &Resident, runs: bool) -> u32 {
+        let first = self.tables.orders.colliders.len();
+        let (colliders, spans) = resident.collider_rows(slot, runs, self.tables.orders.spans.len());
+        self.tables.orders.colliders.extend(colliders);
+        self.tables.orders.spans.extend(spans);
+        first
+    }
+
+    /// Adds jobs that evaluate the stress of some of a snowpack's tiles under its objects, the first of
+    /// which has a row.
+    pub(super) fn load_jobs(
+        &mut self,
+        first_collider: u32,
+        resident: &Resident,
+        tiles: impl Iterator<Item = u32>,
+        jobs: &mut Vec<(u32, LoadJob)>,
+    ) {
+        for tile in tiles {
+            let first_load = self.tables.orders.loads.len();
+            let ranks = resident.loads.get(&tile).map_or(&[][..], Vec::as_slice);
+            self.tables.orders.loads.extend(ranks.iter().map(|rank| first_collider + rank));
+            let job = LoadJob {
+                tile: resident.lot.tiles.start + tile,
+                first_load,
+                loads: ranks.len() as u32,
+                padding: 0,
+            };
+            jobs.push((resident.page(tile), job));
+        }
+    }
+}
+
+/// Takes tiles whose stress edits have left, at most so many.
+fn unweighed(resident: &mut Resident, count: u32) -> impl Iterator<Item = (u32, LoadJob)> {
+    std::iter::from_fn(|| {
+        let tile = resident.unweighed.pop_first()?;
+        let row = resident.lot.tiles.start + tile;
+        Some((resident.page(tile), LoadJob { tile: row, ..LoadJob::default() }))
+    })
+    .take(count as usize)
+}
+
+fn edit_pass() -> Pass {
+    Pass { flags: AFTER_EDITS, ..Pass::default() }
+}
+
+/// Sorts jobs by the page of their tile.
+pub(super) fn by_page<T>(jobs: Vec<(u32, T)>) -> BTreeMap<u32, Vec<T>> {
+    let mut pages: BTreeMap<u32, Vec<T>> = BTreeMap::new();
+    for (page, job) in jobs {
+        pages.entry(page).or_default().push(job);
+    }
+    pages
+}
+
+/// What a row says of snow that falls.
+fn deposited(deposit: &Deposit) -> [u32; 4] {
+    let Deposit { depth, mass, temperature, .. } = *deposit;
+    // As in Column::deposit: the mass of a full cell of this snow.
+    let share = (u64::from(mass) << 24) / u64::from(depth.max(1));
+    let share = share.min(u64::from(u32::MAX)) as u32;
+    [mass, depth, share, temperature.to_bits()]
+}

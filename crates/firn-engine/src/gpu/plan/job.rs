@@ -1,0 +1,130 @@
+//! The steps that a frame does of work that is too much for one.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+
+use crate::frame::{Edit, Slot};
+use crate::gpu::job::{Job, Part, Step, When};
+use crate::gpu::kernels::KernelId;
+use crate::gpu::layout::{AFTER_EDITS, LoadJob, Pass, UNDER_OBJECTS};
+use crate::gpu::resident::Resident;
+
+use super::Planner;
+use super::edits::by_page;
+
+impl Planner<'_> {
+    /// Plans a part of a job, the results of whose edits begin at a number.
+    pub fn part(
+        &mut self,
+        slot: Slot,
+        resident: &mut Resident,
+        job: &mut Job,
+        part: &Part,
+        first_result: u32,
+    ) {
+        // Rows of its objects, with a cycle after what they are for and without.
+        let mut rows: [Option<u32>; 2] = [None; 2];
+        for step in &part.steps {
+            match step {
+                Step::Restore(tiles) => self.restore(resident, job, tiles.clone()),
+                Step::Snow(rows) => {
+                    let round = job.round().iter();
+                    let edits: Vec<(u32, Edit)> =
+                        round.map(|(n, edit)| (first_result + n, edit.clone())).collect();
+                    self.snow_on(resident, &edits, rows.clone());
+                }
+                Step::Objects => self.objects(slot, resident, job),
+                Step::Touch(objects, when) => {
+                    let rows = &mut rows[usize::from(when.runs)];
+                    let row = || self.collider_rows(slot, resident, when.runs);
+                    let first = *rows.get_or_insert_with(row);
+                    self.touch(first, objects.clone(), *when);
+                }
+                Step::Press(tiles, when) => {
+                    let rows = &mut rows[usize::from(when.runs)];
+                    let row = || self.collider_rows(slot, resident, when.runs);
+                    let first = *rows.get_or_insert_with(row);
+                    self.press_tiles(first, resident, tiles, *when);
+                }
+                Step::Weigh(count) => self.weigh_some(resident, *count),
+                Step::Free(tiles) => {
+                    let free = tiles.clone().filter(|tile| !resident.loads.contains_key(tile));
+                    let pass = Pass { cycles: part.run.cycles, ..Pass::default() };
+                    self.compact(resident, free, pass);
+                }
+                Step::Loaded(tiles, cycle) => {
+                    let flags = UNDER_OBJECTS;
+                    let pass = Pass { cycle: *cycle, cycles: 1, flags, ..Pass::default() };
+                    self.compact(resident, tiles.iter().copied(), pass);
+                }
+            }
+        }
+    }
+
+    fn restore(&mut self, resident: &Resident, job: &Job, tiles: Range<u32>) {
+        for (_, edit) in job.round() {
+            if let Edit::Restore(contents) = edit {
+                self.arena.restore(self.device, &resident.lot, tiles.clone(), &contents.tiles);
+            }
+        }
+    }
+
+    /// Carries out what is left of a round.
+    fn objects(&mut self, slot: Slot, resident: &mut Resident, job: &mut Job) {
+        let mut stressed = BTreeSet::new();
+        let mut moved = false;
+        for (_, edit) in job.end_round() {
+            moved |= self.alter(slot, resident, edit, &mut stressed);
+        }
+        if moved {
+            self.mark_loaded(slot, resident);
+        }
+        stressed.extend(resident.loads.keys().copied());
+        for tile in &stressed {
+            resident.unweighed.remove(tile);
+        }
+        job.press_later(stressed.into_iter().collect());
+    }
+
+    /// Has contacts of some objects evaluated, the first of which has a row.
+    fn touch(&mut self, first: u32, objects: Range<u32>, when: When) {
+        let (first, count) = (first + objects.start, objects.len() as u32);
+        let pass = Pass { first, count, cycle: when.cycle, flags: flags(when), ..Pass::default() };
+        self.dispatch(KernelId::Contact, 0, pass, count);
+    }
+
+    /// Has stresses of some tiles evaluated.
+    fn press_tiles(&mut self, first: u32, resident: &mut Resident, tiles: &[u32], when: When) {
+        let mut jobs: Vec<(u32, LoadJob)> = Vec::new();
+        self.load_jobs(first, resident, tiles.iter().copied(), &mut jobs);
+        for (page, jobs) in by_page(jobs) {
+            let (first, count) = (self.tables.orders.load_jobs.len(), jobs.len() as u32);
+            self.tables.orders.load_jobs.extend(jobs);
+            let flags = flags(when);
+            let pass = Pass { first, count, cycle: when.cycle, flags, ..Pass::default() };
+            self.dispatch(KernelId::Stress, page, pass, count);
+        }
+        if when.after_edits {
+            resident.bodies.values_mut().for_each(|body| body.placed = false);
+        }
+    }
+
+    /// Compacts some tiles.
+    fn compact(&mut self, resident: &Resident, tiles: impl Iterator<Item = u32>, pass: Pass) {
+        let mut pages: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for tile in tiles {
+            let rows = pages.entry(resident.page(tile)).or_default();
+            rows.push(resident.lot.tiles.start + tile);
+        }
+        for (page, rows) in pages {
+            let count = rows.len() as u32;
+            let length = self.tables.due.list(rows);
+            let pass = Pass { first: length + 1, length, ..pass };
+            self.dispatch(KernelId::Compact, page, pass, count);
+        }
+    }
+}
+
+fn flags(when: When) -> u32 {
+    if when.after_edits { AFTER_EDITS } else { 0 }
+}

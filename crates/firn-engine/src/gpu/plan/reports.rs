@@ -1,0 +1,66 @@
+//! What is read of the snow when all else is done.
+
+use std::collections::BTreeSet;
+
+use firn_snow::REFERENCE_CELL_SIZE;
+
+use crate::frame::Work;
+use crate::gpu::kernels::KernelId;
+use crate::gpu::layout::{Pass, SampleJob};
+use crate::gpu::resident::Residents;
+use crate::gpu::survey::Totals;
+
+use super::{Planner, tiles_in};
+
+impl Planner<'_> {
+    /// Plans what is reported of the snowpacks.
+    pub fn reports(&mut self, residents: &Residents, work: &[Work], totals: &Totals) {
+        let (first, count) = (totals.groups.start, totals.groups.len() as u32);
+        self.dispatch(KernelId::Publish, 0, Pass { first, count, ..Pass::default() }, count);
+        if totals.tally {
+            self.tallies(residents, work);
+        }
+        if totals.samples > 0 {
+            self.samples(residents, work);
+        }
+    }
+
+    fn tallies(&mut self, residents: &Residents, work: &[Work]) {
+        for resident in work.iter().filter(|w| w.tally).filter_map(|w| residents.get(w.slot)) {
+            let pages: BTreeSet<u32> = resident.lot.places.iter().map(|place| place.page).collect();
+            let (first, count) = (resident.lot.tiles.start, resident.lot.places.len() as u32);
+            for page in pages {
+                let pass = Pass { first, count, page, ..Pass::default() };
+                self.dispatch(KernelId::Tally, page, pass, count);
+            }
+        }
+    }
+
+    /// Plans the boxes of the fixed grid that are asked for.
+    fn samples(&mut self, residents: &Residents, work: &[Work]) {
+        let mut first = 0;
+        for (work, wanted) in work.iter().flat_map(|w| w.samples.iter().map(move |s| (w, s))) {
+            let Some(resident) = residents.get(work.slot) else { continue };
+            let job = self.tables.orders.sample_jobs.push(SampleJob {
+                session: work.slot,
+                first,
+                x0: wanted.columns.x0,
+                y0: wanted.y0,
+                z0: wanted.columns.z0,
+                width: wanted.columns.x1 - wanted.columns.x0,
+                height: wanted.height,
+                depth: wanted.columns.z1 - wanted.columns.z0,
+                rate: (wanted.dt / REFERENCE_CELL_SIZE) as f32,
+                padding: 0,
+            });
+            let tiles = tiles_in(wanted.columns, resident.row.tiles_x);
+            let pages: BTreeSet<u32> = tiles.map(|tile| resident.page(tile)).collect();
+            let groups = wanted.columns.columns().div_ceil(64) as u32;
+            for page in pages {
+                let pass = Pass { first: job, page, ..Pass::default() };
+                self.dispatch(KernelId::Sample, page, pass, groups);
+            }
+            first += wanted.cells() as u32;
+        }
+    }
+}

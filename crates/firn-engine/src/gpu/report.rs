@@ -1,0 +1,182 @@
+//! What a frame reports: what is copied out of its results, and what each snowpack finds there.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use bytemuck::Pod;
+use firn_snow::Sample;
+
+use crate::frame::{Outcome, SampleBox, Slot, Work, WorkOutcome};
+use crate::parallel;
+use crate::published::Group;
+
+use super::layout::{self, join};
+use super::pages::Place;
+use super::resident::Residents;
+use super::results::{Extent, Section};
+use super::survey::{Part, Totals};
+use super::tables::Tables;
+
+/// What is copied out, in order.
+#[derive(Debug)]
+pub struct Copies {
+    /// Which results.
+    pub results: Extent,
+    contacts: u64,
+    /// Most tiles that may be packed.
+    pub packable: u64,
+    /// How many of them are copied at once.
+    pub packed: u64,
+    /// Groups of tiles that publish.
+    pub groups: Range<u32>,
+    samples: u64,
+}
+
+/// What the snowpacks of a frame find in its results.
+#[derive(Debug, Default)]
+pub struct Reports {
+    /// That of each.
+    pub work: Vec<Report>,
+    /// Tiles whose cells are wanted, and how many slots they have.
+    pub cells: Vec<(Place, u32)>,
+}
+
+/// What one snowpack finds in the results.
+#[derive(Debug)]
+pub struct Report {
+    slot: Slot,
+    /// Its edits, by their numbers in the frame.
+    edits: Range<u32>,
+    /// Its tiles, where it publishes.
+    tiles: Range<u32>,
+    contacts: Vec<(Arc<str>, u32)>,
+    /// Tiles whose cells are wanted.
+    pub gathered: usize,
+    samples: Vec<Range<u64>>,
+}
+
+impl Reports {
+    /// What the work of a frame reports, the parts of which have been surveyed.
+    pub fn new(work: &[Work], parts: Vec<Part>, residents: &Residents) -> Reports {
+        let mut reports = Reports { work: Vec::with_capacity(work.len()), cells: Vec::new() };
+        let mut samples = 0;
+        for (work, part) in work.iter().zip(parts) {
+            let mut sample = |wanted: &SampleBox| {
+                let first = samples;
+                samples += wanted.cells();
+                first..samples
+            };
+            let mut report = Report {
+                slot: work.slot,
+                edits: part.edits,
+                tiles: if work.publish { part.tiles } else { 0..0 },
+                contacts: Vec::new(),
+                gathered: work.gather.len(),
+                samples: work.samples.iter().map(&mut sample).collect(),
+            };
+            // Of thousands that only tick or publish, none is looked at.
+            let touched = (work.publish && part.may_be_loaded) || !work.gather.is_empty();
+            if touched && let Some(resident) = residents.get(work.slot) {
+                if work.publish {
+                    let bodies = resident.bodies.iter();
+                    report.contacts = bodies.map(|(id, body)| (id.clone(), body.contact)).collect();
+                }
+                let places = work.gather.iter().map(|&tile| resident.lot.places[tile as usize]);
+                reports.cells.extend(places.map(|place| (place, resident.lot.height)));
+            }
+            reports.work.push(report);
+        }
+        reports
+    }
+}
+
+/// Takes rows off the front of bytes.
+pub struct Reader<'a>(pub &'a [u8]);
+
+impl<'a> Reader<'a> {
+    /// A number of rows, where they lie.
+    fn slice<T: Pod>(&mut self, count: u64) -> &'a [T] {
+        let (rows, rest) = self.0.split_at(count as usize * std::mem::size_of::<T>());
+        self.0 = rest;
+        bytemuck::cast_slice(rows)
+    }
+
+    /// A copy of a number of rows.
+    pub fn rows<T: Pod>(&mut self, count: u64) -> Vec<T> {
+        self.slice(count).to_vec()
+    }
+}
+
+impl Copies {
+    /// What is copied out of a frame's results, `most_packed` of the tiles that may be packed at the
+    /// most.
+    pub fn new(totals: Totals, tables: &Tables, most_packed: u64) -> Copies {
+        let packed = totals.tiles.min(most_packed);
+        Copies {
+            results: tables.results.extent(&totals, packed),
+            contacts: if totals.contacts { u64::from(tables.contact_end()) } else { 0 },
+            packable: totals.tiles,
+            packed,
+            groups: totals.groups,
+            samples: totals.samples,
+        }
+    }
+
+    /// What is copied out: buffers, and the bytes of each.
+    pub fn sources<'a>(
+        &'a self,
+        tables: &'a Tables,
+    ) -> impl Iterator<Item = (&'a wgpu::Buffer, Range<u64>)> {
+        fn rows<T>(count: u64) -> Range<u64> {
+            0..count * std::mem::size_of::<T>() as u64
+        }
+        let others = [
+            (tables.contacts.buffer(), rows::<layout::Contact>(self.contacts)),
+            (tables.samples.buffer(), rows::<Sample>(self.samples)),
+        ];
+        let results = self.results.pieces().map(|piece| (tables.results.buffer(), piece));
+        results.chain(others).filter(|(_, bytes)| !bytes.is_empty())
+    }
+
+    /// The outcome without heights, the groups of packed tiles, and how many were packed in all.
+    pub fn outcome(&self, reports: &Reports, bytes: &[u8]) -> (Outcome, Vec<Group>, u64) {
+        let mut reader = Reader(bytes);
+        let results: &[u8] = reader.slice(self.results.pieces().map(|p| p.end - p.start).sum());
+        let section = |section| &results[self.results.place(section)];
+        let groups: &[layout::PackedGroup] = bytemuck::cast_slice(section(Section::PackedGroups));
+        let count: &[u32] = bytemuck::cast_slice(section(Section::PackedCount));
+        let tallies: &[layout::Tally] = bytemuck::cast_slice(section(Section::Tallies));
+        let operations: &[layout::OperationResult] =
+            bytemuck::cast_slice(section(Section::Operations));
+        let contacts: &[layout::Contact] = reader.slice(self.contacts);
+        let samples: &[Sample] = reader.slice(self.samples);
+        let of = |(work, tally): (&Report, &layout::Tally)| {
+            let contact =
+                |(id, row): &(Arc<str>, u32)| (id.clone(), contacts[*row as usize].into());
+            let edits = &operations[work.edits.start as usize..work.edits.end as usize];
+            let sample =
+                |range: &Range<u64>| samples[range.start as usize..range.end as usize].to_vec();
+            WorkOutcome {
+                slot: work.slot,
+                unfinished: false,
+                units: 0,
+                edits: edits.iter().map(|row| join(row.low, row.high)).collect(),
+                last_change: tally.last_change,
+                tiles: work.tiles.clone(),
+                active_tiles: tally.active_tiles,
+                mass: join(tally.mass_low, tally.mass_high),
+                contacts: work.contacts.iter().map(contact).collect(),
+                gathered: Vec::new(),
+                samples: work.samples.iter().map(sample).collect(),
+            }
+        };
+        let work = parallel::each(reports.work.iter().zip(tallies).collect(), of);
+        let outcome = Outcome { work, ..Outcome::default() };
+        let group = |row: &layout::PackedGroup| Group {
+            changed: join(row.changed_low, row.changed_high),
+            first: row.first,
+        };
+        let packed = count.first().map_or(0, |&count| count.into());
+        (outcome, groups.iter().map(group).collect(), packed)
+    }
+}

@@ -1,0 +1,201 @@
+//! A snowpack on the device, as the host knows it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use firn_snow::GRAVITY;
+
+use crate::frame::{Edit, Layout, Placement, Slot};
+
+use super::arena::Lot;
+use super::furnish::Unfurnished;
+use super::job::Job;
+use super::layout;
+
+/// Snowpacks on the device, by their slots.
+#[derive(Debug, Default)]
+pub struct Residents(Vec<Option<Resident>>);
+
+impl Residents {
+    /// The snowpack in a slot.
+    pub fn get(&self, slot: Slot) -> Option<&Resident> {
+        self.0.get(slot as usize)?.as_ref()
+    }
+
+    /// The snowpack in a slot.
+    pub fn get_mut(&mut self, slot: Slot) -> Option<&mut Resident> {
+        self.0.get_mut(slot as usize)?.as_mut()
+    }
+
+    /// Puts a snowpack into a slot.
+    pub fn insert(&mut self, slot: Slot, resident: Resident) {
+        if self.0.len() <= slot as usize {
+            self.0.resize_with(slot as usize + 1, || None);
+        }
+        self.0[slot as usize] = Some(resident);
+    }
+
+    /// Takes the snowpack out of a slot.
+    pub fn remove(&mut self, slot: Slot) -> Option<Resident> {
+        self.0.get_mut(slot as usize)?.take()
+    }
+}
+
+/// A snowpack on the device.
+#[derive(Debug)]
+pub struct Resident {
+    /// Its part of the arena.
+    pub lot: Lot,
+    /// What it was made with but for the ground, the material as it is now.
+    pub layout: Layout,
+    /// Its row of constants.
+    pub row: layout::Session,
+    /// Objects on it; loads add up in the order of their ids.
+    pub bodies: BTreeMap<Arc<str>, Body>,
+    /// For each tile under an object the objects on it, by their rank among `bodies`.
+    pub loads: BTreeMap<u32, Vec<u32>>,
+    /// Tiles under no object whose snow was edited, and whose stress has not been evaluated since:
+    /// nothing has needed it.
+    pub unweighed: BTreeSet<u32>,
+    /// What is left to be done before anything else.
+    pub unfurnished: Option<Unfurnished>,
+    /// Work of it that has begun and not ended.
+    pub job: Option<Box<Job>>,
+}
+
+/// An object on the device.
+#[derive(Debug)]
+pub struct Body {
+    /// Its load and where it stands.
+    pub placement: Arc<Placement>,
+    /// Its row in the table of contacts.
+    pub contact: u32,
+    /// Tiles under it, by their index in the snowpack.
+    pub tiles: Vec<u32>,
+    /// Whether the next evaluation begins to count the depth it sinks.
+    pub placed: bool,
+}
+
+impl Resident {
+    /// A snowpack without objects.
+    pub fn new(lot: Lot, layout: Layout, unfurnished: Unfurnished) -> Resident {
+        let row = layout::Session::new(&layout, lot.tiles.start);
+        Resident {
+            lot,
+            layout,
+            row,
+            bodies: BTreeMap::new(),
+            loads: BTreeMap::new(),
+            unweighed: BTreeSet::new(),
+            unfurnished: Some(unfurnished),
+            job: None,
+        }
+    }
+
+    /// Page of one of its tiles.
+    pub fn page(&self, tile: u32) -> u32 {
+        self.lot.places[tile as usize].page
+    }
+
+    /// Rows of its objects, in ascending order of ids. `runs` says whether a cycle follows the
+    /// evaluation that they are for; `first_span` counts the spans before them.
+    pub fn collider_rows(
+        &self,
+        slot: Slot,
+        runs: bool,
+        first_span: u32,
+    ) -> (Vec<layout::Collider>, Vec<[u32; 2]>) {
+        let mut spans = Vec::new();
+        let mut rows = Vec::with_capacity(self.bodies.len());
+        for body in self.bodies.values() {
+            let footprint = &body.placement.footprint;
+            let begins = footprint.spans.iter().map(|span| span.0);
+            let ends = footprint.spans.iter().map(|span| span.1);
+            rows.push(layout::Collider {
+                session: slot,
+                contact: body.contact,
+                z0: footprint.z0,
+                first_span: first_span + spans.len() as u32,
+                rows: footprint.spans.len() as u32,
+                columns: footprint.columns,
+                x0: begins.min().unwrap_or(0),
+                x1: ends.max().unwrap_or(0),
+                area: footprint.area as f32,
+                weight: (body.placement.mass * GRAVITY) as f32,
+                placed: u32::from(body.placed),
+                runs: u32::from(runs),
+            });
+            spans.extend(footprint.spans.iter().map(|&(x0, x1)| [x0, x1]));
+        }
+        (rows, spans)
+    }
+
+    /// Lists the objects on each tile anew. Returns the tiles that have come under an object, or
+    /// are under none any more.
+    pub fn list_loads(&mut self) -> Vec<u32> {
+        let old: BTreeSet<u32> = std::mem::take(&mut self.loads).into_keys().collect();
+        for (rank, body) in (0..).zip(self.bodies.values()) {
+            for &tile in &body.tiles {
+                self.loads.entry(tile).or_default().push(rank);
+            }
+        }
+        let new: BTreeSet<u32> = self.loads.keys().copied().collect();
+        old.symmetric_difference(&new).copied().collect()
+    }
+}
+
+/// Most rows that one round may fill in the table of lists, for all snowpacks together. The table has to fit
+/// into one binding.
+pub const LARGEST_ROUND: u64 = 1 << 22;
+
+/// Splits numbered edits into rounds: in a round all snow falls before any object is put, so that
+/// each can be one dispatch for all snowpacks. Later puts of an object in a round replace earlier
+/// ones. A restore begins a round: the host writes it ahead of the round's submit. Each comes with the
+/// rows of the table of lists that it fills at the most.
+pub fn rounds(edits: Vec<(u32, Edit)>) -> Vec<(Vec<(u32, Edit)>, u64)> {
+    let mut rounds: Vec<(Vec<(u32, Edit)>, u64)> = Vec::new();
+    let mut put = false;
+    for (number, edit) in edits {
+        let columns = match &edit {
+            Edit::Deposit(deposit) => Some(deposit.columns),
+            Edit::Clear { columns, .. } => Some(*columns),
+            _ => None,
+        };
+        let rows = columns.map_or(0, |columns| columns.tiles().columns());
+        let restore = matches!(edit, Edit::Restore(_));
+        let begins = rounds.last().is_none_or(|(_, filled)| {
+            (columns.is_some() && put) || restore || filled + rows > LARGEST_ROUND
+        });
+        put = columns.is_none();
+        if begins {
+            rounds.push((Vec::new(), 0));
+        }
+        if let Some((round, filled)) = rounds.last_mut() {
+            round.push((number, edit));
+            *filled += rows;
+        }
+    }
+    rounds
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Deposit;
+    use firn_snow::ColumnRect;
+
+    #[test]
+    fn a_round_fills_no_more_rows_than_can_be_bound() {
+        let columns = ColumnRect { x0: 0, z0: 0, x1: 2048, z1: 2048 };
+        let tiles = 256 * 256;
+        let fall = Edit::Deposit(Deposit { columns, depth: 1, mass: 1, temperature: -3.0 });
+        let falls = LARGEST_ROUND / tiles * 2 + 1;
+        let rounds = rounds((0..falls as u32).map(|number| (number, fall.clone())).collect());
+        let sizes: Vec<_> =
+            rounds.iter().map(|(round, rows)| (round.len() as u64, *rows)).collect();
+        let full = (falls / 2, LARGEST_ROUND);
+        assert_eq!(sizes, [full, full, (1, tiles)]);
+        let numbers = rounds.iter().flat_map(|(round, _)| round.iter().map(|(number, _)| *number));
+        assert!(numbers.eq(0..falls as u32), "they stay in order");
+    }
+}

@@ -1,0 +1,53 @@
+//! What Firn's server and its clients say to each other: the bodies of requests and answers, how a height
+//! stream begins and ends, and the bytes of its messages.
+//!
+//! SI units and °C throughout. The published contract says the same for other languages:
+//! `api/openapi.json`, `api/asyncapi.yaml`, and `api/height-stream.md` for every byte of the binary messages.
+//! No I/O and no runtime; with the feature `schema` the types describe themselves as JSON schemas.
+//!
+//! ```
+//! use firn_protocol::{SessionSpec, Snowfall};
+//!
+//! // What is left out has the server's default.
+//! let spec: SessionSpec = serde_json::from_str(r#"{"air_temperature": -8}"#)?;
+//! assert_eq!((spec.air_temperature, spec.grid.cell_size), (-8.0, 0.2));
+//!
+//! let snowfall = Snowfall::new(0.5);
+//! assert!(serde_json::to_string(&snowfall)?.starts_with(r#"{"depth":0.5"#));
+//! # Ok::<(), serde_json::Error>(())
+//! ```
+
+mod colliders;
+mod events;
+pub mod heights;
+mod probes;
+mod problem;
+mod session;
+mod snow;
+pub mod stream;
+mod subscription;
+mod usage;
+mod weather;
+
+pub use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Position, Shape};
+
+pub use colliders::{ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView};
+pub use events::Event;
+pub use probes::{Probe, ProbeBatch, ProbeReply, ProbeView};
+pub use problem::{FieldError, Problem};
+pub use session::{
+    CreatedSession, SessionSpec, SessionView, Settings, SettingsPatch, SnowLayer, Stamp, State,
+    StepSpec, Summary, Terrain,
+};
+pub use snow::{ColumnView, LayerView, MassView, WeakLayerView};
+pub use subscription::{ColumnRegion, Resume, Subscribe, Update};
+pub use usage::{MemoryBytes, UsageView};
+pub use weather::{
+    AirTemperature, AirTemperatureReply, Clearing, ClearingReply, Region, Snowfall, SnowfallReply,
+};
+
+/// Whether a client may use a name for a session or a collider: it matches `[A-Za-z0-9_-]{1,64}`.
+pub fn is_valid_id(id: &str) -> bool {
+    (1..=64).contains(&id.len())
+        && id.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-')
+}

@@ -1,0 +1,301 @@
+//! Bodies of requests and answers about a session: its creation, its settings, its time and its state.
+
+use std::fmt;
+use std::sync::Arc;
+
+use firn_snow::{Grid, Material};
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// Body of `POST /v1/sessions`; every field is optional.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct SessionSpec {
+    /// Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none.
+    pub id: Option<String>,
+    /// Size of the grid.
+    pub grid: Grid,
+    /// Material constants.
+    pub material: Material,
+    /// Temperature of the air \[°C\], and of fresh snow.
+    #[cfg_attr(feature = "schema", schema(minimum = -40, maximum = 0))]
+    pub air_temperature: f64,
+    /// Simulated seconds per second.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 1000))]
+    pub time_scale: f64,
+    /// Ticks per second \[Hz\].
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 240))]
+    pub tick_rate: f64,
+    /// Whether time stands still.
+    pub paused: bool,
+    /// Continuous snowfall \[m/h\].
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 100))]
+    pub snowfall_rate: f64,
+    /// Seconds without request or stream after which the session hibernates.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 1e9))]
+    pub idle_timeout_s: Option<f64>,
+    /// Seconds without request or stream after which the session is deleted.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 1e9))]
+    pub delete_after_s: Option<f64>,
+    /// Layers of snow to begin with, from the ground up.
+    pub initial_snow: Vec<SnowLayer>,
+    /// Elevation of the ground; `null` is level ground.
+    pub terrain: Option<Terrain>,
+}
+
+/// One layer of the snow a session begins with.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct SnowLayer {
+    /// Depth \[m\].
+    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0))]
+    pub depth: f64,
+    /// Temperature \[°C\]; the air's where there is none.
+    #[cfg_attr(feature = "schema", schema(minimum = -40, maximum = 0))]
+    pub temperature: Option<f64>,
+    /// Density \[kg/m³\]; the material's `fresh_density` where there is none.
+    #[cfg_attr(feature = "schema", schema(minimum = 10, maximum = 917))]
+    pub density: Option<f64>,
+}
+
+/// Elevation of the ground under each column.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Terrain {
+    /// Elevations \[m\] within ±20 000, row by row: index = z · width + x.
+    #[cfg_attr(feature = "schema", schema(value_type = Vec<f64>))]
+    pub heights: Arc<[f64]>,
+}
+
+impl SnowLayer {
+    /// A depth \[m\] of fresh snow as the session's material and air make it.
+    pub fn new(depth: f64) -> SnowLayer {
+        SnowLayer { depth, temperature: None, density: None }
+    }
+}
+
+impl Default for SessionSpec {
+    fn default() -> Self {
+        SessionSpec {
+            id: None,
+            grid: Grid::default(),
+            material: Material::default(),
+            air_temperature: -3.0,
+            time_scale: 1.0,
+            tick_rate: 60.0,
+            paused: false,
+            snowfall_rate: 0.0,
+            idle_timeout_s: None,
+            delete_after_s: None,
+            initial_snow: Vec::new(),
+            terrain: None,
+        }
+    }
+}
+
+impl SessionSpec {
+    /// The settings it asks for.
+    pub fn settings(&self) -> Settings {
+        Settings {
+            air_temperature: self.air_temperature,
+            time_scale: self.time_scale,
+            tick_rate: self.tick_rate,
+            paused: self.paused,
+            snowfall_rate: self.snowfall_rate,
+            idle_timeout_s: self.idle_timeout_s,
+            delete_after_s: self.delete_after_s,
+        }
+    }
+
+    /// Lowest and highest elevation of the ground \[m\].
+    pub fn ground_range(&self) -> (f64, f64) {
+        let Some(terrain) = &self.terrain else { return (0.0, 0.0) };
+        let start = (f64::INFINITY, f64::NEG_INFINITY);
+        terrain.heights.iter().fold(start, |(low, high), &h| (low.min(h), high.max(h)))
+    }
+}
+
+/// The settings of a session that can change while it lives.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Settings {
+    /// Temperature of the air \[°C\].
+    pub air_temperature: f64,
+    /// Simulated seconds per second.
+    pub time_scale: f64,
+    /// Ticks per second \[Hz\].
+    pub tick_rate: f64,
+    /// Whether time stands still.
+    pub paused: bool,
+    /// Continuous snowfall \[m/h\].
+    pub snowfall_rate: f64,
+    /// Seconds without request or stream after which the session hibernates.
+    pub idle_timeout_s: Option<f64>,
+    /// Seconds without request or stream after which the session is deleted.
+    pub delete_after_s: Option<f64>,
+}
+
+/// Body of `PATCH /v1/sessions/{id}`: the settings that change; others stay.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct SettingsPatch {
+    /// Temperature of the air \[°C\].
+    #[cfg_attr(feature = "schema", schema(minimum = -40, maximum = 0))]
+    pub air_temperature: Option<f64>,
+    /// Simulated seconds per second.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 1000))]
+    pub time_scale: Option<f64>,
+    /// Whether time stands still.
+    pub paused: Option<bool>,
+    /// Ticks per second \[Hz\].
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 240))]
+    pub tick_rate: Option<f64>,
+    /// Continuous snowfall \[m/h\].
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 100))]
+    pub snowfall_rate: Option<f64>,
+    /// Exponent n of the stiffness law.
+    #[cfg_attr(feature = "schema", schema(minimum = 3, maximum = 6))]
+    pub stiffness_exponent: Option<f64>,
+    /// Seconds without request or stream after which the session hibernates, `null` for never.
+    #[serde(deserialize_with = "some", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = Option<f64>, minimum = 1, maximum = 1e9))]
+    pub idle_timeout_s: Option<Option<f64>>,
+    /// Seconds without request or stream after which the session is deleted; `null` for never.
+    #[serde(deserialize_with = "some", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = Option<f64>, minimum = 1, maximum = 1e9))]
+    pub delete_after_s: Option<Option<f64>>,
+}
+
+/// Keeps `null` apart from an absent field.
+fn some<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Option<f64>>, D::Error> {
+    Option::deserialize(deserializer).map(Some)
+}
+
+/// What a session is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// Time passes.
+    Running,
+    /// Time stands still until it is stepped or set running.
+    Paused,
+    /// Its memory is freed; the next request wakes it.
+    Hibernating,
+}
+
+/// A session: its configuration, clock and summary.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct SessionView {
+    /// Its name.
+    pub id: String,
+    /// The tenant it belongs to; `null` where that is the operator.
+    pub tenant: Option<String>,
+    /// Size of the grid.
+    pub grid: Grid,
+    /// Material constants.
+    pub material: Material,
+    /// Settings.
+    #[serde(flatten)]
+    pub settings: Settings,
+    /// Elevation of the ground; `null` is level ground.
+    pub terrain: Option<Terrain>,
+    /// What it is doing.
+    pub state: State,
+    /// Whether it takes no changes: it came back from a damaged store, and an administrator has to say
+    /// that it is as it should be.
+    pub locked: bool,
+    /// Ticks since it was created or reset.
+    pub tick: u64,
+    /// Number of its newest published change.
+    pub seq: u64,
+    /// Opaque; (epoch, seq) names one state.
+    pub epoch: String,
+    /// Simulated time \[s\].
+    pub sim_time: f64,
+    /// Whether no snow falls and the last executed cycle changed no cell.
+    pub settled: bool,
+    /// Totals.
+    pub summary: Summary,
+    /// Device memory that its cells take \[bytes\].
+    pub device_memory_bytes: u64,
+    /// When it was created, RFC 3339.
+    pub created_at: String,
+    /// Path of its height stream.
+    pub stream_url: String,
+}
+
+/// Answer to `POST /v1/sessions`.
+#[derive(Clone, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct CreatedSession {
+    /// The session.
+    #[serde(flatten)]
+    pub session: SessionView,
+    /// Allows everything about this session.
+    pub token: String,
+    /// Allows its reads and streams.
+    pub viewer_token: String,
+}
+
+impl fmt::Debug for CreatedSession {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Tokens are not for logs.
+        f.debug_struct("CreatedSession").field("session", &self.session).finish_non_exhaustive()
+    }
+}
+
+/// Totals over a snowpack.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Summary {
+    /// Mean snow depth \[m\].
+    pub mean_height: f64,
+    /// Least snow depth \[m\].
+    pub min_height: f64,
+    /// Greatest snow depth \[m\].
+    pub max_height: f64,
+    /// Mass of the snow \[kg\].
+    pub total_mass: f64,
+    /// Mass over volume \[kg/m³\]; 0 where there is no snow.
+    pub mean_density: f64,
+    /// Tiles in which snow still moves.
+    pub active_tiles: u32,
+    /// Tiles of 8 × 8 columns.
+    pub tiles: u32,
+    /// Objects on the snow.
+    pub colliders: usize,
+}
+
+/// When a reply holds: the tick, and the number of the newest published change.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Stamp {
+    /// Ticks since the session was created or reset.
+    pub tick: u64,
+    /// Number of the newest published change.
+    pub seq: u64,
+}
+
+/// How far a paused session is to be stepped; exactly one of `ticks`, `seconds` and
+/// `until_settled`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct StepSpec {
+    /// Number of ticks.
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 1_000_000))]
+    pub ticks: Option<u64>,
+    /// Simulated seconds.
+    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0))]
+    pub seconds: Option<f64>,
+    /// Until nothing moves any more; needs `max_seconds`.
+    pub until_settled: Option<bool>,
+    /// Most simulated seconds to step with `until_settled`.
+    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0))]
+    pub max_seconds: Option<f64>,
+}

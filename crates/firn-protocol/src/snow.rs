@@ -1,0 +1,80 @@
+//! Readings of the snow: columns with their layers, and the mass ledger.
+
+use serde::{Deserialize, Serialize};
+
+use crate::session::Stamp;
+
+/// One column's material cells.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct ColumnView {
+    /// When this holds.
+    #[serde(flatten)]
+    pub stamp: Stamp,
+    /// Snow depth \[m\].
+    pub height: f64,
+    /// Mass \[kg\].
+    pub mass: f64,
+    /// Mass over volume \[kg/m³\]; 0 where there is no snow.
+    pub mean_density: f64,
+    /// The material cells, from the ground up.
+    pub layers: Vec<LayerView>,
+    /// Layers less dense than what lies above and below, from the ground up.
+    pub weak_layers: Vec<WeakLayerView>,
+}
+
+/// One material cell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct LayerView {
+    /// Height of its lower face above the ground \[m\].
+    pub bottom: f64,
+    /// Thickness \[m\].
+    pub thickness: f64,
+    /// Density \[kg/m³\].
+    pub density: f64,
+    /// Temperature \[°C\].
+    pub temperature: f64,
+    /// Hardness \[Pa\].
+    pub hardness: f64,
+    /// Vertical stress on it, its own weight included \[Pa\].
+    pub stress: f64,
+    /// Mass \[kg\].
+    pub mass: f64,
+}
+
+/// A maximal run of cells with a density of at most 0.8 of the least dense of the densest cell
+/// above and the densest cell below.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct WeakLayerView {
+    /// Height of its lower face above the ground \[m\].
+    pub bottom: f64,
+    /// Thickness \[m\].
+    pub thickness: f64,
+    /// Mean density \[kg/m³\].
+    pub density: f64,
+    /// Mean temperature, weighted by mass \[°C\].
+    pub temperature: f64,
+    /// 1 − the smallest ratio of a cell's density to that of the cells around.
+    pub contrast: f64,
+}
+
+/// The mass ledger of a session.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct MassView {
+    /// When this holds.
+    #[serde(flatten)]
+    pub stamp: Stamp,
+    /// Mass of the snow, summed over its cells \[kg\].
+    pub present: f64,
+    /// Mass that has fallen \[kg\], the refused part included.
+    pub fallen: f64,
+    /// Mass that found no room \[kg\].
+    pub refused: f64,
+    /// Mass that was cleared \[kg\].
+    pub cleared: f64,
+    /// fallen − refused − cleared − present, in quanta of 2⁻¹⁸ kg/m² in one column: always 0.
+    pub imbalance_quanta: i64,
+}

@@ -1,0 +1,105 @@
+//! Snowfalls, clearings and the air's temperature.
+
+use serde::{Deserialize, Serialize};
+
+use crate::session::Stamp;
+
+/// Fresh snow on a region.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Snowfall {
+    /// Depth \[m\], at least `cell_size`/256.
+    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1000))]
+    pub depth: f64,
+    /// Density \[kg/m³\]; the material's `fresh_density` where there is none.
+    #[cfg_attr(feature = "schema", schema(minimum = 10, maximum = 917))]
+    pub density: Option<f64>,
+    /// Temperature \[°C\]; the air's where there is none.
+    #[cfg_attr(feature = "schema", schema(minimum = -40, maximum = 0))]
+    pub temperature: Option<f64>,
+    /// Where it falls; everywhere where there is none.
+    pub region: Option<Region>,
+}
+
+impl Snowfall {
+    /// A depth \[m\] of fresh snow everywhere, as the session's material and air make it.
+    pub fn new(depth: f64) -> Snowfall {
+        Snowfall { depth, density: None, temperature: None, region: None }
+    }
+}
+
+/// A plough: leaves at most a depth of snow standing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Clearing {
+    /// Depth left standing \[m\].
+    #[cfg_attr(feature = "schema", schema(minimum = 0))]
+    pub depth: f64,
+    /// Where it is cleared; everywhere where there is none.
+    pub region: Option<Region>,
+}
+
+/// A rectangle in metres: the columns whose centres lie in it, lower edges included, upper ones
+/// not.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Region {
+    /// Lower edge along x \[m\].
+    pub x: f64,
+    /// Lower edge along z \[m\].
+    pub z: f64,
+    /// Extent along x \[m\].
+    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0))]
+    pub width: f64,
+    /// Extent along z \[m\].
+    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0))]
+    pub depth: f64,
+}
+
+/// Another air temperature.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct AirTemperature {
+    /// Temperature \[°C\].
+    #[cfg_attr(feature = "schema", schema(minimum = -40, maximum = 0))]
+    pub celsius: f64,
+}
+
+/// Answer to a snowfall.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct SnowfallReply {
+    /// When it was applied.
+    #[serde(flatten)]
+    pub stamp: Stamp,
+    /// Mass that fell \[kg\], the refused part included.
+    pub fallen_mass: f64,
+    /// Mass that found no room \[kg\].
+    pub refused_mass: f64,
+}
+
+/// Answer to a clearing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct ClearingReply {
+    /// When it was applied.
+    #[serde(flatten)]
+    pub stamp: Stamp,
+    /// Mass that was removed \[kg\].
+    pub cleared_mass: f64,
+}
+
+/// Answer to an air temperature.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct AirTemperatureReply {
+    /// When it was applied.
+    #[serde(flatten)]
+    pub stamp: Stamp,
+    /// Temperature of the air \[°C\].
+    pub celsius: f64,
+}

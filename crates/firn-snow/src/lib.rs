@@ -1,0 +1,51 @@
+//! The physics of the snowpack in plain Rust: the reference that every kernel is tested against.
+//!
+//! A [`Snowpack`] is a grid of columns. In each lie cells of snow on top of each other, with a mass, a
+//! thickness, a temperature and a stress. Where the stress on a cell exceeds its hardness it is compacted,
+//! cycle by cycle, under the weight of what lies above and of objects. Masses and thicknesses are whole
+//! quanta, so that mass is conserved exactly. It knows no GPU and no network; `docs/model.md` holds the
+//! equations and where they come from.
+//!
+//! ```
+//! use firn_snow::{CELL, Grid, MASS_QUANTA, Material, Snowpack};
+//!
+//! let grid = Grid { width: 8, depth: 8, height: 20, cell_size: 0.2 };
+//! let mut snowpack = Snowpack::new(grid, Material::default(), &[], false)?;
+//!
+//! // Three metres of fresh snow of 20 kg/m³ at −5 °C, everywhere.
+//! let refused = snowpack.deposit(grid.all(), 15 * CELL, (60.0 * MASS_QUANTA) as u32, -5.0);
+//! assert_eq!(refused, 0);
+//! snowpack.evaluate();
+//!
+//! // A minute in cycles of a sixtieth of a second: the snow settles, and not a quantum gets lost.
+//! let (height, mass) = (snowpack.column(3, 3).height(), snowpack.mass());
+//! snowpack.run(3600, 1.0 / 60.0);
+//! assert!(snowpack.column(3, 3).height() < height);
+//! assert_eq!(snowpack.mass(), mass);
+//! # Ok::<(), std::collections::TryReserveError>(())
+//! ```
+//!
+//! With the feature `serde` what a client tells of a snowpack can be read and written, with `schema` it has
+//! a JSON schema too.
+
+mod column;
+mod contact;
+mod footprint;
+mod grid;
+mod material;
+mod recut;
+mod sample;
+mod snowpack;
+
+pub use column::{Cell, Column, SurfaceLoad};
+pub use contact::{CONTACT_DEPTH, Contact, Footing, elevation, share, share_units};
+pub use footprint::{Footprint, Position, Shape};
+pub use grid::{
+    CELL, ColumnRect, Grid, MASS_QUANTA, MAX_COLUMN_MASS, MAX_TERRAIN_CELLS, TILE_COLUMNS,
+    TILE_SIDE,
+};
+pub use material::{
+    GRAVITY, HardnessLaw, LoadDistribution, Material, REFERENCE_CELL_SIZE, gold_prefactor,
+};
+pub use sample::{Content, Sample, sample_column};
+pub use snowpack::{Progress, Snowpack};

@@ -1,0 +1,126 @@
+//! What snow is made of: density, hardness and stiffness.
+
+/// Gravity \[m/s²\].
+pub const GRAVITY: f64 = 9.81;
+
+/// Cell size for which the stiffness law was tuned \[m\].
+pub const REFERENCE_CELL_SIZE: f64 = 0.2;
+
+/// How hardness depends on density and temperature.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[repr(u32)]
+pub enum HardnessLaw {
+    /// The polynomial as the thesis's program ran it, held where it would soften with cold.
+    #[default]
+    Calibrated = 0,
+    /// The thesis's printed equation 4.4 (Barakhtanov et al.).
+    Regression = 1,
+    /// Gold (1956), thesis 2.2, tied to `calibrated` at 20 kg/m³ and −3 °C.
+    Gold = 2,
+}
+
+/// How a surface load spreads with depth below an object.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[repr(u32)]
+pub enum LoadDistribution {
+    /// `(b/(b+z))²`, the usual 2:1 spread under a footing of width b.
+    #[default]
+    TwoToOne = 0,
+    /// The same stress at every depth.
+    Uniform = 1,
+    /// Only the top cell carries the load.
+    Surface = 2,
+}
+
+/// Material constants of one snowpack.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Material {
+    /// Density of fresh snow \[kg/m³\], up to `max_density`.
+    #[cfg_attr(feature = "schema", schema(minimum = 10))]
+    pub fresh_density: f64,
+    /// Density at which snow compacts no further \[kg/m³\].
+    #[cfg_attr(feature = "schema", schema(maximum = 917))]
+    pub max_density: f64,
+    /// Exponent n of the stiffness law k = ρⁿ.
+    #[cfg_attr(feature = "schema", schema(minimum = 3, maximum = 6))]
+    pub stiffness_exponent: f64,
+    /// The hardness law.
+    pub hardness_law: HardnessLaw,
+    /// Grain size δ \[mm\], read by the law `gold` only.
+    #[cfg_attr(feature = "schema", schema(minimum = 0.05, maximum = 10))]
+    pub grain_size_mm: f64,
+    /// How loads spread with depth.
+    pub load_distribution: LoadDistribution,
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Material {
+            fresh_density: 20.0,
+            max_density: 100.0,
+            stiffness_exponent: 3.56,
+            hardness_law: HardnessLaw::default(),
+            grain_size_mm: 0.5,
+            load_distribution: LoadDistribution::default(),
+        }
+    }
+}
+
+impl Material {
+    /// Hardness \[Pa\] of snow of a density \[kg/m³\] and temperature \[°C\]; never negative.
+    ///
+    /// `shaders/shared/material.wgsl` computes the same in the same order.
+    pub fn hardness(&self, density: f32, temperature: f32) -> f32 {
+        match self.hardness_law {
+            HardnessLaw::Calibrated => {
+                let held = temperature.max(coldest_stiffening(density));
+                polynomial(density, held, 0.0, 0.260_723)
+            }
+            HardnessLaw::Regression => polynomial(density, temperature, 0.261_043, -0.000_32),
+            HardnessLaw::Gold => {
+                gold_prefactor(self.grain_size_mm)
+                    * (density / 20.0).powf(3.92)
+                    * (-0.063 * (temperature + 3.0)).exp()
+            }
+        }
+    }
+
+    /// Stiffness k = ρⁿ \[Pa/m\] of snow of a density \[kg/m³\].
+    pub fn stiffness(&self, density: f32) -> f32 {
+        density.powf(self.stiffness_exponent as f32)
+    }
+}
+
+/// Gold's hardness \[Pa\] of snow of 20 kg/m³ at −3 °C with grains of a size \[mm\].
+pub fn gold_prefactor(grain_size_mm: f64) -> f32 {
+    (367.72 * (-0.340 * (grain_size_mm - 0.5)).exp()) as f32
+}
+
+/// The regression polynomial of Barakhtanov et al. with its two disputed cubic coefficients.
+fn polynomial(r: f32, t: f32, a: f32, b: f32) -> f32 {
+    let value = -0.165_99 + 0.542_153 * r - 0.089_25 * t + 0.447_667 * r * r + 0.159_256 * r * t
+        - 0.013_36 * t * t
+        + a * r * r * r
+        - 0.158_63 * r * r * t
+        + 0.022_601 * r * t * t
+        + b * t * t * t;
+    value.max(0.0)
+}
+
+/// T*(ρ): the temperature \[°C\] below which the calibrated polynomial would soften again, the
+/// smaller root of its derivative by temperature.
+fn coldest_stiffening(r: f32) -> f32 {
+    let a = 3.0 * 0.260_723;
+    let b = 2.0 * (0.022_601 * r - 0.013_36);
+    let c = -0.089_25 + 0.159_256 * r - 0.158_63 * r * r;
+    (-b - (b * b - 4.0 * a * c).sqrt()) / (2.0 * a)
+}

@@ -1,0 +1,163 @@
+//! A tile of 8 × 8 columns: what is edited, stressed, compacted and put to sleep together.
+
+use std::collections::TryReserveError;
+
+use crate::column::{Column, SurfaceLoad};
+use crate::contact::{elevation, share};
+use crate::footprint::Footprint;
+use crate::grid::{ColumnRect, Grid, TILE_COLUMNS, TILE_SIDE};
+use crate::material::Material;
+
+use super::Collider;
+
+const COLUMNS: usize = TILE_COLUMNS as usize;
+
+/// A tile's columns and what is known about them.
+#[derive(Clone, Debug)]
+pub(super) struct Tile {
+    /// The columns inside the grid.
+    rect: ColumnRect,
+    /// All columns, row by row; those outside the grid stay empty.
+    pub columns: Vec<Column>,
+    /// Ground elevation of each column in elevation units.
+    pub ground: [u32; COLUMNS],
+    /// Height of each column in quanta.
+    pub heights: [u32; COLUMNS],
+    /// Objects that stand on the tile: indices in ascending order of ids.
+    pub loads: Vec<usize>,
+    /// Whether a cell may change in the next cycle.
+    pub awake: bool,
+    /// Changed since it was last reported.
+    pub dirty: bool,
+    /// Heights have changed since contacts were last evaluated.
+    pub moved: bool,
+    /// Stresses are to be evaluated anew: masses or the objects on the tile have changed.
+    pub stale: bool,
+}
+
+impl Tile {
+    /// Bytes of a tile without snow.
+    pub const BYTES: u64 = (size_of::<Tile>() + COLUMNS * size_of::<Column>()) as u64;
+
+    pub fn new(grid: &Grid, tile: u32, ground: &[u32]) -> Result<Tile, TryReserveError> {
+        let rect = grid.tile_rect(tile);
+        let mut elevations = [0; COLUMNS];
+        for (x, z) in positions(rect) {
+            let index = z as usize * grid.width as usize + x as usize;
+            elevations[column_index(x, z)] = ground.get(index).copied().unwrap_or(0);
+        }
+        let mut columns = Vec::new();
+        columns.try_reserve_exact(COLUMNS)?;
+        columns.resize(COLUMNS, Column::default());
+        Ok(Tile {
+            rect,
+            columns,
+            ground: elevations,
+            heights: [0; COLUMNS],
+            loads: Vec::new(),
+            awake: false,
+            dirty: true,
+            moved: false,
+            stale: false,
+        })
+    }
+
+    /// Elevation of a column's surface in elevation units.
+    pub fn elevation(&self, column: usize) -> u32 {
+        elevation(self.ground[column], self.heights[column])
+    }
+
+    /// Changes the columns inside a rectangle; returns the sum of what `change` returns.
+    pub fn edit(&mut self, rect: ColumnRect, change: impl Fn(&mut Column) -> u32) -> u64 {
+        let mut total = 0;
+        for (x, z) in positions(self.rect).filter(|&(x, z)| rect.contains(x, z)) {
+            let index = column_index(x, z);
+            let column = &mut self.columns[index];
+            total += u64::from(change(column));
+            self.heights[index] = column.height();
+            (self.awake, self.dirty, self.moved, self.stale) = (true, true, true, true);
+        }
+        total
+    }
+
+    /// Replaces all columns, stresses included.
+    pub fn restore(&mut self, columns: impl Iterator<Item = Column>) {
+        for (index, column) in columns.enumerate().take(COLUMNS) {
+            self.heights[index] = column.height();
+            self.columns[index] = column;
+        }
+        (self.awake, self.dirty, self.moved, self.stale) = (true, true, true, false);
+    }
+
+    /// Evaluates stresses, and wakes the tile where one has changed.
+    pub fn stress(&mut self, grid: &Grid, material: &Material, colliders: &[&Collider]) {
+        let mut loads = Vec::with_capacity(self.loads.len());
+        for (x, z) in positions(self.rect) {
+            let index = column_index(x, z);
+            let surface = self.elevation(index);
+            let standing = self.loads.iter().map(|&load| colliders[load]);
+            loads.clear();
+            loads.extend(standing.filter(|c| covers(&c.footprint, x, z)).map(|collider| {
+                let contact = &collider.contact;
+                let pressure = contact.pressure * share(contact.bottom, surface);
+                SurfaceLoad { pressure, width: contact.area.sqrt() }
+            }));
+            self.awake |= self.columns[index].stress(grid, material, &loads);
+        }
+        self.stale = false;
+    }
+
+    /// Cells in all columns.
+    pub fn cells(&self) -> u64 {
+        self.columns.iter().map(|column| column.cells.len() as u64).sum()
+    }
+
+    /// Compacts every column where a cell may change. Returns 1 + the index of the last cycle in which one
+    /// did, and how many cells were compacted.
+    pub fn compact_if_due(
+        &mut self,
+        grid: &Grid,
+        material: &Material,
+        always: bool,
+        cycles: u32,
+        dt: f32,
+    ) -> (u32, u64) {
+        if !(always || self.awake) {
+            return (0, 1);
+        }
+        let last = self.compact(grid, material, cycles, dt);
+        (last, 1 + self.cells() * u64::from(cycles.min(last + 1)))
+    }
+
+    /// Compacts every column; returns 1 + the index of the last cycle in which a cell changed, and
+    /// goes to sleep where that was not the very last one.
+    fn compact(&mut self, grid: &Grid, material: &Material, cycles: u32, dt: f32) -> u32 {
+        let mut last = 0;
+        for (column, height) in self.columns.iter_mut().zip(&mut self.heights) {
+            let changed = column.compact(grid, material, cycles, dt);
+            if changed > 0 {
+                *height = column.height();
+                (self.dirty, self.moved) = (true, true);
+            }
+            last = last.max(changed);
+        }
+        self.awake = last == cycles;
+        last
+    }
+}
+
+/// Every column (x, z) of a rectangle, row by row.
+fn positions(rect: ColumnRect) -> impl Iterator<Item = (u32, u32)> {
+    (rect.z0..rect.z1).flat_map(move |z| (rect.x0..rect.x1).map(move |x| (x, z)))
+}
+
+/// Index of column (x, z) in its tile.
+fn column_index(x: u32, z: u32) -> usize {
+    (z % TILE_SIDE * TILE_SIDE + x % TILE_SIDE) as usize
+}
+
+/// Whether a footprint covers column (x, z).
+fn covers(footprint: &Footprint, x: u32, z: u32) -> bool {
+    let row = z.checked_sub(footprint.z0).and_then(|row| footprint.spans.get(row as usize));
+    row.is_some_and(|&(x0, x1)| (x0..x1).contains(&x))
+}

@@ -1,0 +1,51 @@
+//! Sessions that came back from a damaged file: they stand still and take no changes until an
+//! administrator says that they are as they should be.
+
+use std::sync::Arc;
+
+use firn_protocol::SettingsPatch;
+use serde::{Deserialize, Serialize};
+
+use crate::session::change::Change;
+use crate::store::{Kind, Row, Write};
+
+use super::image::{Stored, json};
+use super::{Entry, Event, Record};
+
+/// That a session is locked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Lock {
+    /// Whether that it was paused stands in its journal already.
+    pub paused: bool,
+}
+
+impl Lock {
+    /// The lock of a row; where the store wrote it, it says nothing yet.
+    pub fn read(bytes: &[u8]) -> Lock {
+        serde_json::from_slice(bytes).unwrap_or_default()
+    }
+
+    /// What writes it, or removes it where there is none.
+    pub fn write(lock: Option<Lock>, session: u64) -> Write {
+        let row = Row { session, kind: Kind::Lock, number: 0 };
+        lock.map_or(Write::Remove(row), |lock| Write::Put(row, json(&lock)))
+    }
+}
+
+impl Stored {
+    /// Has a locked session come back paused, as if somebody had paused it last. Returns what has to
+    /// be written for that, together and before anything else.
+    pub fn pause(&mut self) -> Vec<Record> {
+        if self.lock.is_none_or(|lock| lock.paused) {
+            return Vec::new();
+        }
+        let patch = SettingsPatch { paused: Some(true), ..SettingsPatch::default() };
+        let events = vec![Event::Change(Change::Settings(patch))];
+        let entry = Arc::new(Entry { tick: self.mark.tick, events });
+        let lock = Some(Lock { paused: true });
+        let records = vec![Record::Entry(self.next(), entry), Record::Lock(lock)];
+        records.iter().for_each(|record| self.enter(record));
+        self.mark.next = self.next();
+        records
+    }
+}

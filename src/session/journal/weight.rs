@@ -1,0 +1,105 @@
+//! Memory that the image of a session takes, kept up to date as it changes: whoever asks for it does
+//! not look at the image.
+
+use std::collections::VecDeque;
+use std::mem::size_of;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use firn_protocol::{ColliderBatch, ColliderSpec};
+
+use crate::session::change::Change;
+use crate::session::idempotency::RequestKey;
+use crate::session::memory::heap_bytes;
+use crate::session::once::Done;
+
+use super::{Checkpoint, Entry, Event, Identity, Stored};
+
+/// Counters of an `Arc`.
+const SHARED: usize = 2 * size_of::<usize>();
+
+/// What came of a request that carried a key: itself, and places in two queues and a table of which
+/// two thirds are in use on average.
+const DONE: usize = SHARED
+    + size_of::<Done>()
+    + (size_of::<Arc<Done>>()
+        + size_of::<(u64, Arc<Done>)>()
+        + size_of::<(RequestKey, Arc<Done>)>())
+        * 3
+        / 2;
+
+/// Bytes of a session's image. Clones are handles to the same.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Weight(Arc<AtomicU64>);
+
+impl Weight {
+    /// As it was noted last.
+    pub fn get(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+impl Stored {
+    /// Notes how much it takes, for whoever has the session.
+    pub fn weigh(&self) {
+        let origin = self.origin.as_ref().map_or(0, |origin| SHARED + origin.len());
+        let checkpoint = self.checkpoint.as_ref().map_or(0, |saved| saved.bytes());
+        let own = size_of::<Stored>() + self.identity.bytes() + origin + checkpoint;
+        let queued = self.entries.capacity() * size_of::<Arc<Entry>>() + self.entry_bytes;
+        let all = own + queued + self.done.len() * DONE;
+        self.identity.weight.0.store(all as u64, Ordering::Relaxed);
+    }
+}
+
+/// Memory that some entries take, beside their places in a queue.
+pub(super) fn bytes_of(entries: &VecDeque<Arc<Entry>>) -> usize {
+    entries.iter().map(|entry| entry.bytes()).sum()
+}
+
+impl Identity {
+    fn bytes(&self) -> usize {
+        let texts = [&self.id, &self.epoch, &self.created_at].map(|text| text.capacity());
+        let heap = heap_bytes(&self.spec) + texts.iter().sum::<usize>();
+        SHARED + size_of::<Identity>() + heap
+    }
+}
+
+impl Checkpoint {
+    fn bytes(&self) -> usize {
+        let versions = self.versions.capacity() * size_of::<u64>();
+        SHARED + size_of::<Checkpoint>() + versions + self.snapshot.capacity()
+    }
+}
+
+impl Entry {
+    pub(super) fn bytes(&self) -> usize {
+        let events = self.events.capacity() * size_of::<Event>();
+        SHARED + size_of::<Entry>() + events + self.events.iter().map(Event::heap).sum::<usize>()
+    }
+}
+
+impl Event {
+    /// Memory that it takes beside its own size.
+    fn heap(&self) -> usize {
+        let name = |spec: &ColliderSpec| spec.id.as_ref().map_or(0, String::capacity);
+        match self {
+            Event::Change(Change::Colliders(ColliderBatch { put, delete })) => {
+                let names = put.iter().map(name).chain(delete.iter().map(String::capacity));
+                let places = put.capacity() * size_of::<ColliderSpec>()
+                    + delete.capacity() * size_of::<String>();
+                places + names.sum::<usize>()
+            }
+            Event::Change(Change::CreateCollider(spec) | Change::PutCollider(spec)) => name(spec),
+            Event::Change(Change::PatchCollider { id, .. } | Change::DeleteCollider { id }) => {
+                id.capacity()
+            }
+            Event::Change(
+                Change::Snowfall(_)
+                | Change::Clearing(_)
+                | Change::AirTemperature(_)
+                | Change::Settings(_),
+            )
+            | Event::Reset => 0,
+        }
+    }
+}

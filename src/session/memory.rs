@@ -1,0 +1,68 @@
+//! Memory that a session takes, found without looking at what lies in it.
+
+use std::any::Any;
+use std::fmt;
+use std::mem::size_of;
+use std::sync::atomic::Ordering;
+
+use firn_protocol::{ColliderView, Event, MemoryBytes, SessionSpec, SnowLayer, UsageView};
+
+use super::handle::{EVENT_BACKLOG, Session};
+use super::simulation::{Collider, Simulation};
+
+/// What an object takes beside its descriptions: its name, places in maps, and its load.
+const OBJECT: usize = 208;
+
+/// Events that wait for streams: there is room for as many from the beginning, each with what tells
+/// who has seen it.
+const EVENTS: usize = EVENT_BACKLOG * (size_of::<Event>() + 48);
+
+/// What the engine knows of a tile: where its cells are, and its places in lists of tiles.
+const TILE: usize = 24;
+
+/// What the streams keep beside a session.
+pub trait Companion: Any + fmt::Debug + Send + Sync {
+    /// Memory that it takes \[bytes\].
+    fn bytes(&self) -> u64;
+}
+
+impl Session {
+    /// What it takes of the server.
+    pub fn usage(&self) -> UsageView {
+        let device_seconds = self.device_time().as_secs_f64();
+        UsageView { device_seconds, memory_bytes: self.memory() }
+    }
+
+    /// Memory that it takes.
+    pub fn memory(&self) -> MemoryBytes {
+        MemoryBytes {
+            device: self.device_memory(),
+            host: self.host_memory() as u64,
+            journal: self.journal_weight.get(),
+            streams: self.companion_bytes(),
+        }
+    }
+
+    fn host_memory(&self) -> usize {
+        let (mirror, objects) = {
+            let mirror = self.mirror();
+            (mirror.bytes(), mirror.colliders.len())
+        };
+        let ground = self.spec.terrain.as_ref().map_or(0, |terrain| terrain.heights.len());
+        let ground = ground * size_of::<f64>();
+        let own = size_of::<Session>() + EVENTS + heap_bytes(&self.spec) + ground + mirror;
+        let views = objects * (size_of::<ColliderView>() + OBJECT);
+        if self.hibernating.load(Ordering::Relaxed) {
+            return own + views;
+        }
+        let tiles = self.spec.grid.tiles() as usize * TILE;
+        let simulation = size_of::<Simulation>() + objects * (size_of::<Collider>() + OBJECT);
+        own + views + tiles + simulation
+    }
+}
+
+/// Memory that what a session is created with takes beside its own size and the ground, which whoever has a
+/// copy shares \[bytes\].
+pub(super) fn heap_bytes(spec: &SessionSpec) -> usize {
+    spec.initial_snow.capacity() * size_of::<SnowLayer>()
+}

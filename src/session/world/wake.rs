@@ -1,0 +1,170 @@
+//! Waking sessions that hibernate, beside all others: what is stored of one is decoded on a thread of its
+//! own, and restored in parts of frames. Requests for the session wait meanwhile, in their order.
+
+use std::sync::Arc;
+
+use firn_engine::frame::EngineError;
+use tracing::debug;
+
+use crate::session::error::SessionError;
+use crate::session::handle::Session;
+use crate::session::journal::Stored;
+use crate::session::message::Message;
+use crate::session::portion::Portions;
+use crate::session::simulation::Simulation;
+
+use super::engine::Engine;
+use super::frame::caught;
+use super::revive::{Decoded, Revival};
+
+/// A session that is being woken.
+pub(super) struct Waking {
+    session: Arc<Session>,
+    stored: Stored,
+    /// Requests that wait for it.
+    waiting: Vec<Message>,
+}
+
+impl Engine {
+    /// Has a request wait for its session, where that is being woken or has to be. Returns it where not.
+    ///
+    /// # Errors
+    /// Those of the backend, where a session that panicked is brought back.
+    pub(super) fn put_off(&mut self, message: Message) -> Result<Option<Message>, EngineError> {
+        let Some(key) = message.key() else { return Ok(Some(message)) };
+        if message.wakes() {
+            self.wake(key)?;
+        }
+        if let Message::Wake { .. } = message {
+            return Ok(None);
+        }
+        let Some(waking) = self.waking.get_mut(&key) else { return Ok(Some(message)) };
+        waking.waiting.push(message);
+        Ok(None)
+    }
+
+    /// Wakes a session, if it hibernates, and brings it back, if it has panicked.
+    fn wake(&mut self, key: u64) -> Result<(), EngineError> {
+        let frame = self.frame;
+        if let Some(simulation) = self.simulations.get_mut(&key)
+            && simulation.frozen
+        {
+            simulation.thaw(frame);
+            self.review(key);
+        }
+        if let Some(place) = self.fallen.iter().position(|&fallen| fallen == key) {
+            self.fallen.swap_remove(place);
+            return self.go_back(&[key]);
+        }
+        let Some(session) = self.hibernating.remove(&key) else { return Ok(()) };
+        self.count_hibernating();
+        match self.journal.new_life(key, 0) {
+            Some(stored) => self.begin_to_wake(session, stored, Vec::new()),
+            None => self.forget(key, &session),
+        }
+        Ok(())
+    }
+
+    /// Begins anew to wake a session of which something was not made durable after that had begun.
+    pub(super) fn wake_anew(&mut self, key: u64, why: &SessionError) {
+        let Some(Waking { session, waiting, .. }) = self.waking.remove(&key) else { return };
+        match self.journal.new_life(key, 0) {
+            Some(stored) => self.begin_to_wake(session, stored, waiting),
+            None => {
+                waiting.into_iter().for_each(|message| message.refuse(why));
+                self.forget(key, &session);
+            }
+        }
+    }
+
+    fn begin_to_wake(&mut self, session: Arc<Session>, stored: Stored, waiting: Vec<Message>) {
+        debug!(session = session.id, "wakes");
+        let (maker, woken, kept) = (self.backend.maker(), session.clone(), stored.clone());
+        self.clock.spawn_blocking(move || {
+            let decoded = caught(|| Decoded::new(&woken, &kept, maker)).unwrap_or_else(|| {
+                Err(SessionError::Internal("reading its checkpoint failed".to_owned()))
+            });
+            let decoded = Box::new(decoded);
+            let (key, generation) = (woken.key, kept.generation);
+            // Where the world has ended, nobody waits for it.
+            let _ = woken.world.blocking_send(Message::Woken { key, generation, decoded });
+        });
+        self.waking.insert(session.key, Waking { session, stored, waiting });
+    }
+
+    /// Takes in a session that was decoded, and begins to restore it.
+    ///
+    /// # Errors
+    /// Those of the backend.
+    pub(super) fn woken(
+        &mut self,
+        key: u64,
+        generation: u64,
+        decoded: Result<Decoded, SessionError>,
+    ) -> Result<(), EngineError> {
+        let of_this_life = |waking: &&Waking| waking.stored.generation == generation;
+        let Some(Waking { session, stored, .. }) = self.waking.get(&key).filter(of_this_life)
+        else {
+            return Ok(());
+        };
+        let revival = Revival::anew(session.clone(), stored.clone());
+        match self.begin_life(revival, decoded, Portions::default())? {
+            Ok(()) => self.busy = true,
+            Err(why) => drop(self.give_up_waking(key, &why)),
+        }
+        Ok(())
+    }
+
+    /// Has sessions that are being restored do so in the next frame.
+    pub(super) fn feed_waking(&mut self) {
+        let keys: Vec<u64> = self.waking.keys().copied().collect();
+        for key in keys {
+            if self.guard(key, Simulation::feed_replay).is_some() {
+                self.simulations.set_active(key, true);
+            }
+        }
+    }
+
+    /// Takes in what a frame has done of sessions that are being restored. Those that are awake get the
+    /// requests that have waited.
+    ///
+    /// # Errors
+    /// Those of the backend.
+    pub(super) fn advance_waking(&mut self) -> Result<(), EngineError> {
+        let keys: Vec<u64> = self.waking.keys().copied().collect();
+        for key in keys {
+            // Where it had to wait for another frame, nothing of it is done.
+            let advance = |sim: &mut Simulation| sim.next.edits.is_empty() && sim.advance_replay();
+            if self.guard(key, advance) != Some(true) {
+                continue;
+            }
+            let frame = self.frame;
+            // No time has passed until now.
+            self.guard(key, |simulation| simulation.frame = frame);
+            let waiting = self.waking.remove(&key).map_or_else(Vec::new, |waking| waking.waiting);
+            self.review(key);
+            self.schedule(key);
+            for message in waiting {
+                self.take_message(message)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Gives up waking a session. Whoever waits for it is told why.
+    pub(super) fn give_up_waking(
+        &mut self,
+        key: u64,
+        why: &SessionError,
+    ) -> Option<(Arc<Session>, Stored)> {
+        let Waking { session, stored, waiting } = self.waking.remove(&key)?;
+        waiting.into_iter().for_each(|message| message.refuse(why));
+        Some((session, stored))
+    }
+
+    /// Gives up waking all sessions that are being woken.
+    pub(super) fn give_up_all_waking(&mut self, why: &SessionError) -> Vec<(Arc<Session>, Stored)> {
+        let keys: Vec<u64> = self.waking.keys().copied().collect();
+        keys.into_iter().filter_map(|key| self.give_up_waking(key, why)).collect()
+    }
+}

@@ -1,0 +1,204 @@
+//! A snowpack that lives through snowfalls, objects and runs, in frames of any kind.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use firn_engine::frame::{
+    Backend, Contents, Edit, Placement, Run, SampleBox, TileCells, Work, WorkOutcome,
+};
+use firn_snow::{Contact, Grid, Material, Sample, Shape};
+
+use crate::support::*;
+
+/// How a story is told to a backend.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Frames {
+    /// One frame for all edits and the run after them.
+    Whole,
+    /// A frame for each edit, and two for each run, with another between them that has nothing to do but
+    /// to evaluate.
+    Cut,
+    /// As `Whole`, each of them in parts of any size.
+    Parted,
+}
+
+/// What a snowpack lives through.
+#[derive(Clone, Copy, Debug)]
+pub struct Plot {
+    /// The same numbers make the same story.
+    pub seed: u64,
+    /// Whether it is brought back to what was saved now and then, and there are frames without cycles.
+    pub restores: bool,
+}
+
+/// What came of a story, bit for bit.
+#[derive(Debug, Default)]
+pub struct Story {
+    /// All cells in the end.
+    pub cells: Vec<TileCells>,
+    /// What was told after each run.
+    pub told: Vec<Told>,
+    /// How many tiles slept.
+    pub slept: u32,
+    /// Frames that left something for the next.
+    pub unfinished: u32,
+}
+
+/// What a run told.
+#[derive(Debug, PartialEq)]
+pub struct Told {
+    /// Mass that each edit has refused or removed, but for those before a restore.
+    pub edits: Vec<u64>,
+    pub last_change: u32,
+    pub mass: u64,
+    pub contacts: Vec<(Arc<str>, Contact)>,
+    pub gathered: Vec<TileCells>,
+    pub samples: Vec<Vec<Sample>>,
+}
+
+impl Story {
+    /// How objects touched the snow after each run.
+    pub fn contacts(&self) -> impl Iterator<Item = &(Arc<str>, Contact)> {
+        self.told.iter().flat_map(|told| &told.contacts)
+    }
+}
+
+/// Objects that stand somewhere.
+type Standing = HashMap<&'static str, (Shape, f64, f64, Arc<Placement>)>;
+
+/// What a snowpack may be brought back to.
+struct Saved {
+    contents: Arc<Contents>,
+    standing: Standing,
+}
+
+const GRID: Grid = Grid { width: 42, depth: 30, height: 30, cell_size: 0.2 };
+
+fn any_edit(dice: &mut Dice, standing: &mut Standing) -> Edit {
+    let columns = dice.rect(&GRID);
+    let id = ["a", "b"][dice.below(2) as usize];
+    match dice.below(16) {
+        0..4 => snow(&GRID, columns, dice.range(0.01, 0.5), 25.0, -8.0),
+        4 | 5 => Edit::Clear { columns, depth: GRID.thickness_quanta(dice.range(1.5, 2.5)) as u32 },
+        6 => Edit::SetMaterial(Material {
+            stiffness_exponent: dice.range(3.2, 3.6),
+            ..Material::default()
+        }),
+        7 | 8 => {
+            standing.remove(id);
+            Edit::RemoveCollider { id: id.into() }
+        }
+        kind => {
+            let shape = Shape::Box { width: dice.range(0.2, 1.8), depth: dice.range(0.2, 1.8) };
+            let (x, z) = (dice.range(1.0, 7.4), dice.range(1.0, 5.0));
+            // Or another mass is put where it stands.
+            let stays = standing.get(id).filter(|_| kind < 12);
+            let stays = stays.map(|(shape, x, z, _)| (*shape, *x, *z));
+            let (shape, x, z) = stays.unwrap_or((shape, x, z));
+            let mut put = put(&GRID, id, dice.range(10.0, 200.0), shape, x, z);
+            if let Edit::PutCollider { placed, collider, .. } = &mut put {
+                *placed = stays.is_none();
+                standing.insert(id, (shape, x, z, collider.clone()));
+            }
+            put
+        }
+    }
+}
+
+/// Brings the snowpack back to what was saved, now and then.
+fn any_restore(dice: &mut Dice, saved: Option<&Saved>, standing: &mut Standing) -> Vec<Edit> {
+    let Some(saved) = saved.filter(|_| dice.unit() < 0.25) else { return Vec::new() };
+    *standing = saved.standing.clone();
+    let removed = ["a", "b"].map(|id| Edit::RemoveCollider { id: id.into() });
+    removed.into_iter().chain([Edit::Restore(saved.contents.clone())]).collect()
+}
+
+/// Has a backend live through a story.
+pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> Story {
+    let Plot { seed, restores } = plot;
+    let (mut dice, mut sizes) = (Dice::new(seed), Dice::new(seed + 1));
+    let mut story = Story::default();
+    backend.create(0, &level(GRID, Material::default())).unwrap();
+    edit(backend, 0, vec![snow(&GRID, GRID.all(), 2.5, 20.0, -3.0)]);
+    let (mut last_dt, mut standing, mut saved) = (0.0, Standing::new(), None);
+    for _ in 0..14 {
+        let saved_state = saved.as_ref().filter(|_| restores);
+        let mut edits = any_restore(&mut dice, saved_state, &mut standing);
+        let restored = edits.len();
+        edits.extend((0..dice.below(6)).map(|_| any_edit(&mut dice, &mut standing)));
+        let dt = if dice.unit() < 0.7 { 0.25 } else { dice.range(0.02, 0.25) };
+        // How contacts were found before is told best by runs of few cycles.
+        let most = if dice.unit() < 0.5 { 3 } else { 250 };
+        let cycles = dice.below(most) + u32::from(!restores || dice.unit() < 0.9);
+        let alters = |edit: &Edit| matches!(edit, Edit::SetMaterial(_) | Edit::Restore(_));
+        let wake = dt != last_dt || edits.iter().any(alters);
+        last_dt = dt;
+        let mut first = 0;
+        if frames == Frames::Cut {
+            let idle = || vec![Edit::RemoveCollider { id: "nobody".into() }];
+            for one in edits.drain(..) {
+                edit(backend, 0, vec![one]);
+            }
+            first = Dice::new(seed + u64::from(cycles)).below(cycles);
+            let run = Run { cycles: first, dt };
+            work(backend, Work { slot: 0, edits: idle(), wake, run, ..Work::default() });
+            edit(backend, 0, idle());
+        }
+        let all = Work {
+            slot: 0,
+            edits,
+            wake,
+            run: Run { cycles: cycles - first, dt },
+            publish: true,
+            tally: true,
+            gather: (0..GRID.tiles()).collect(),
+            samples: vec![SampleBox { columns: dice.rect(&GRID), y0: 2, height: 9, dt }],
+            ..Work::default()
+        };
+        let outcome = match frames {
+            Frames::Parted => in_parts(backend, all, &mut sizes, &mut story),
+            Frames::Whole | Frames::Cut => work(backend, all),
+        };
+        story.slept += GRID.tiles() - outcome.active_tiles;
+        if restores && dice.unit() < 0.4 {
+            saved = Some(save(&outcome, &standing));
+        }
+        story.told.push(Told {
+            edits: outcome.edits.get(restored..).unwrap_or_default().to_vec(),
+            last_change: outcome.last_change,
+            mass: outcome.mass,
+            contacts: outcome.contacts,
+            gathered: outcome.gathered,
+            samples: outcome.samples,
+        });
+    }
+    story.cells = cells(backend, 0, &GRID);
+    story
+}
+
+fn save(outcome: &WorkOutcome, standing: &Standing) -> Saved {
+    let object = |(id, contact): &(Arc<str>, Contact)| {
+        let (_, _, _, placement) = &standing[&**id];
+        (id.clone(), placement.clone(), *contact)
+    };
+    let colliders = outcome.contacts.iter().map(object).collect();
+    let contents = Contents { tiles: Arc::new(outcome.gathered.clone()), colliders };
+    Saved { contents: Arc::new(contents), standing: standing.clone() }
+}
+
+/// Does some work in parts: some of them small, some large.
+fn in_parts(
+    backend: &mut dyn Backend,
+    all: Work,
+    dice: &mut Dice,
+    story: &mut Story,
+) -> WorkOutcome {
+    let whole_cycle = u64::from(GRID.tiles() * GRID.height) * 64;
+    let mut limit = || Some((whole_cycle as f64 * 10f64.powf(dice.range(-3.5, 1.0))) as u64);
+    let mut outcome = work(backend, Work { limit: limit(), ..all });
+    while outcome.unfinished {
+        story.unfinished += 1;
+        outcome = work(backend, Work::resume(0, true, limit()));
+    }
+    outcome
+}

@@ -1,0 +1,166 @@
+//! The Rust client, `firn-client`, against a real server.
+
+use firn::config::BackendChoice;
+use firn_client::{Client, Error, HeightField, Heights, Message, Session, Stream};
+use firn_protocol::stream::{Command, SubProtocol};
+use firn_protocol::{
+    Event, Region, SessionSpec, SettingsPatch, SnowLayer, Snowfall, StepSpec, Subscribe,
+};
+use firn_snow::Grid;
+use tokio::time::timeout;
+
+use crate::on_each_backend;
+use crate::support::wait::PATIENCE;
+use crate::support::{Server, numbers};
+
+on_each_backend!(
+    a_field_is_what_rest_reads,
+    it_resumes_where_it_was,
+    what_is_refused_says_why,
+    a_stream_tells_its_end,
+);
+
+/// A paused session of 3 × 2 tiles with a metre of snow.
+async fn field(server: &Server) -> Session {
+    let client = Client::new(&server.url).unwrap();
+    let spec = SessionSpec {
+        grid: Grid { width: 20, depth: 12, height: 20, cell_size: 0.2 },
+        paused: true,
+        initial_snow: vec![SnowLayer::new(1.0)],
+        ..SessionSpec::default()
+    };
+    client.create(&spec).await.unwrap().0
+}
+
+/// The next message of heights.
+async fn told(stream: &mut Stream) -> Heights {
+    let heights = async {
+        loop {
+            if let Message::Heights(heights) = stream.next().await.unwrap() {
+                return heights;
+            }
+        }
+    };
+    timeout(PATIENCE, heights).await.expect("the server tells nothing")
+}
+
+/// Takes in what is told until a field shows a state.
+async fn until(field: &mut HeightField, stream: &mut Stream, seq: u64) {
+    while field.resume().is_none_or(|resume| resume.seq < seq) {
+        let heights = told(stream).await;
+        field.take(&heights);
+    }
+}
+
+async fn a_field_is_what_rest_reads(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = field(&server).await;
+    for protocol in [SubProtocol::Json, SubProtocol::Binary] {
+        let mut stream = session.stream(protocol).await.unwrap();
+        let wish = Subscribe { quantum: 0.0001, max_rate: 60.0, ..Subscribe::default() };
+        let id = stream.subscribe(wish.clone()).await.unwrap();
+        let mut field = HeightField::new(stream.welcome(), id, &wish);
+        let region = Some(Region { x: 0.0, z: 0.0, width: 1.0, depth: 1.0 });
+        let snowfall = Snowfall { region, ..Snowfall::new(0.3) };
+        session.snowfall(&snowfall).await.unwrap();
+        let step = StepSpec { ticks: Some(30), ..StepSpec::default() };
+        let view = session.step(&step).await.unwrap();
+        until(&mut field, &mut stream, view.seq).await;
+        let read = server.get(&session.path("/heights")).await.expect(200);
+        let read = numbers(&read["heights"]);
+        assert_eq!((field.size(), field.heights().len()), ((20, 12), read.len()));
+        for (told, read) in field.heights().iter().zip(&read) {
+            assert!((told - read).abs() < 0.000_051, "{told} for {read}");
+        }
+        assert!(field.height(0, 0).unwrap() > field.height(19, 11).unwrap() + 0.2);
+        stream.close().await;
+    }
+    assert_eq!(session.mass().await.unwrap().imbalance_quanta, 0);
+    server.stop().await;
+}
+
+async fn it_resumes_where_it_was(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = field(&server).await;
+    let mut stream = session.stream(SubProtocol::Binary).await.unwrap();
+    let id = stream.subscribe(Subscribe::default()).await.unwrap();
+    let mut field = HeightField::new(stream.welcome(), id, &Subscribe::default());
+    let first = told(&mut stream).await;
+    assert!(first.snapshot && field.take(&first));
+    assert_eq!((first.id, first.tiles.len()), (id, 6));
+    stream.close().await;
+
+    // Snow on the last tile while nobody watches.
+    let region = Some(Region { x: 3.3, z: 1.7, width: 0.6, depth: 0.6 });
+    session.snowfall(&Snowfall { region, ..Snowfall::new(0.5) }).await.unwrap();
+    let mut stream = session.stream(SubProtocol::Binary).await.unwrap();
+    let resume = field.resume();
+    let id = stream.subscribe(Subscribe { resume, ..Subscribe::default() }).await.unwrap();
+    field.reconnect(stream.welcome(), id).unwrap();
+    let missed = told(&mut stream).await;
+    assert_eq!((missed.snapshot, missed.recovered), (false, Some(true)));
+    let corners: Vec<_> = missed.tiles.iter().map(|tile| (tile.column_x, tile.column_z)).collect();
+    assert_eq!(corners, [(16, 8)]);
+    let before = field.height(17, 9).unwrap();
+    assert!(field.take(&missed) && field.height(17, 9).unwrap() > before + 0.4);
+    server.stop().await;
+}
+
+async fn what_is_refused_says_why(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = field(&server).await;
+    let refused = session.snowfall(&Snowfall::new(-1.0)).await.unwrap_err();
+    let problem = refused.problem().expect("the server refuses it");
+    assert_eq!((problem.status, &*problem.errors[0].pointer), (422, "/depth"));
+    let nobody = Client::new(&server.url).unwrap().session("nobody").unwrap();
+    assert_eq!(nobody.view().await.unwrap_err().problem().map(|problem| problem.status), Some(404));
+    let no_stream = nobody.stream(SubProtocol::Json).await.unwrap_err();
+    assert_eq!(no_stream.problem().map(|problem| problem.status), Some(404));
+    nobody.delete().await.expect("what is not there counts as deleted");
+
+    let mut stream = session.stream(SubProtocol::Json).await.unwrap();
+    let settings = SettingsPatch { tick_rate: Some(0.0), ..SettingsPatch::default() };
+    stream.send(&Command::Set { id: 3, settings }).await.unwrap();
+    match timeout(PATIENCE, stream.next()).await.expect("it answers").unwrap() {
+        Message::Refused { id, problem } => assert_eq!((id, problem.status), (Some(3), 422)),
+        other => panic!("{other:?}"),
+    }
+    let snowfall = Snowfall::new(0.1);
+    stream.send(&Command::Snowfall { id: 4, snowfall }).await.unwrap();
+    let (mut acknowledged, mut fell) = (false, false);
+    while !(acknowledged && fell) {
+        match timeout(PATIENCE, stream.next()).await.expect("it answers").unwrap() {
+            Message::Ack(ack) => {
+                acknowledged = ack.id == 4 && ack.reply["fallen_mass"].as_f64() > Some(0.0);
+            }
+            Message::Event(Event::Snowfall { fallen_mass, .. }) => fell = fallen_mass > 0.0,
+            other => panic!("{other:?}"),
+        }
+    }
+    server.stop().await;
+
+    // Nobody listens there any more.
+    let gone = session.view().await.unwrap_err();
+    assert!(matches!(gone, Error::Unreachable { .. }), "{gone}");
+}
+
+async fn a_stream_tells_its_end(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = field(&server).await;
+    let mut stream = session.stream(SubProtocol::Json).await.unwrap();
+    session.delete().await.unwrap();
+    let end = timeout(PATIENCE, async {
+        loop {
+            if let Err(end) = stream.next_raw().await {
+                return end;
+            }
+        }
+    });
+    match end.await.expect("it ends") {
+        Error::Closed { code, reason } => {
+            assert_eq!((code, &*reason), (3502, "the session was deleted"));
+        }
+        other => panic!("{other}"),
+    }
+    server.stop().await;
+}
