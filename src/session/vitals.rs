@@ -43,13 +43,6 @@ pub struct FrameParts {
     pub concluding: Duration,
 }
 
-impl FrameParts {
-    /// Time in which the backend had the frame.
-    pub fn backend(&self) -> Duration {
-        self.submitting + self.waiting
-    }
-}
-
 /// What the stages of frames took on the device, in those frames that were timed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StageTimes {

@@ -9,7 +9,6 @@ use serde_json::json;
 use tokio::task::JoinHandle;
 
 use crate::on_each_backend;
-use crate::support::Options;
 use crate::support::wait::until;
 use crate::watched::{self, Log};
 
@@ -32,7 +31,7 @@ async fn change_during<T>(session: &Session, log: &Log, task: &JoinHandle<T>) {
 }
 
 async fn nobody_waits_while_a_large_session_is_made_or_woken(backend: BackendChoice) {
-    let (server, log) = watched::start(backend, Options::default()).await;
+    let (server, log) = watched::start(backend).await;
     let server = Arc::new(server);
     let grid = json!({"width": 16, "depth": 16, "height": 20, "cell_size": 0.2});
     server.create(json!({"id": "neighbour", "grid": grid})).await;

@@ -15,7 +15,7 @@ use tokio::time::timeout;
 use crate::on_each_backend;
 use crate::raw::reached;
 use crate::support::wait::until;
-use crate::support::{Options, Server};
+use crate::support::Server;
 use crate::watched::{self, Part};
 
 on_each_backend!(
@@ -68,7 +68,7 @@ fn part_of(frame: &[Part], slot: u32) -> Option<&Part> {
 
 async fn nobody_waits_for_a_session_that_takes_much(backend: BackendChoice) {
     for objects in [0, 500] {
-        let (server, log) = watched::start_slow(backend).await;
+        let (server, log) = watched::start(backend).await;
         let neighbour = neighbour(&server).await;
         let hostile = hostile(&server, "hostile", objects).await;
         until("it takes several frames", async || {
@@ -103,7 +103,7 @@ async fn nobody_waits_for_a_session_that_takes_much(backend: BackendChoice) {
 }
 
 async fn those_who_take_much_get_the_same_time(backend: BackendChoice) {
-    let (server, log) = watched::start_slow(backend).await;
+    let (server, log) = watched::start(backend).await;
     let neighbour = neighbour(&server).await;
     let one = hostile(&server, "one", 0).await;
     let objects = hostile(&server, "objects", 300).await;
@@ -124,7 +124,7 @@ async fn those_who_take_much_get_the_same_time(backend: BackendChoice) {
 
 async fn a_tenant_gets_no_more_than_its_share(backend: BackendChoice) {
     const SHARE: f64 = 0.1;
-    let (server, _) = watched::start_slow(backend).await;
+    let (server, _) = watched::start(backend).await;
     let quotas = Quotas { device_share: Some(SHARE), ..Quotas::default() };
     server.sessions.tenants().set_quotas(&HashMap::from([("alpine".to_owned(), quotas)]));
     let alpine = server.sessions.tenants().named("alpine");
@@ -161,7 +161,7 @@ async fn a_tenant_gets_no_more_than_its_share(backend: BackendChoice) {
 }
 
 async fn who_floods_one_session_delays_no_other(backend: BackendChoice) {
-    let (server, log) = watched::start(backend, Options::default()).await;
+    let (server, log) = watched::start(backend).await;
     let neighbour = neighbour(&server).await;
     // A tick of thousands of cycles.
     let grid = json!({"width": 64, "depth": 64, "height": 20, "cell_size": 0.2});

@@ -69,46 +69,38 @@ impl Log {
     }
 }
 
-struct Notes {
-    log: Log,
-    per_unit: Duration,
-}
+#[derive(Clone)]
+struct Notes(Log);
 
-/// Starts a server, and writes down what its device does.
-pub async fn start(backend: BackendChoice, options: Options) -> (Server, Log) {
-    start_on(backend, options, Duration::ZERO).await
-}
+/// Time for a unit.
+const UNIT: Duration = Duration::from_nanos(20);
 
-/// The same, on a device that takes some time more for each unit: what is much on one machine is much on
-/// all.
-pub async fn start_slow(backend: BackendChoice) -> (Server, Log) {
-    start_on(backend, Options::default(), Duration::from_nanos(20)).await
-}
-
-async fn start_on(backend: BackendChoice, options: Options, per_unit: Duration) -> (Server, Log) {
+/// Starts a server on a device that takes a fixed time for each unit, and says so: what is much on one machine
+/// is much on all, whatever else they do. Writes down what it does.
+pub async fn start(backend: BackendChoice) -> (Server, Log) {
     let log = Log::default();
-    let (engine, copy) = (EngineConfig { backend, device_memory: None }, log.clone());
+    let (engine, notes) = (EngineConfig { backend, device_memory: None }, Notes(log.clone()));
     let open = Box::new(move || {
-        let device = backend::open(&engine)?;
-        let watch = Notes { log: copy.clone(), per_unit };
+        let (device, watch) = (backend::open(&engine)?, notes.clone());
         Ok(Box::new(Watched { device, watch }) as Box<dyn Backend + Send>)
     });
-    (Server::start_on(open, options, Durability::ephemeral()).await, log)
+    (Server::start_on(open, Options::default(), Durability::ephemeral()).await, log)
 }
 
 impl Watch for Notes {
     fn submitted(&mut self, frame: &Frame) -> Result<(), EngineError> {
         let part =
             |work: &Work| Part { slot: work.slot, limit: work.limit, units: 0, unfinished: false };
-        self.log.0.lock().unwrap().push(frame.work.iter().map(part).collect());
-        self.log.1.pass();
+        self.0.0.lock().unwrap().push(frame.work.iter().map(part).collect());
+        self.0.1.pass();
         Ok(())
     }
 
-    fn done(&mut self, outcome: &Outcome) {
+    fn done(&mut self, outcome: &mut Outcome) {
         let units: u64 = outcome.work.iter().map(|work| work.units).sum();
-        std::thread::sleep(self.per_unit * u32::try_from(units).unwrap_or(u32::MAX));
-        let mut log = self.log.0.lock().unwrap();
+        outcome.took = UNIT * u32::try_from(units).unwrap_or(u32::MAX);
+        std::thread::sleep(outcome.took);
+        let mut log = self.0.0.lock().unwrap();
         let done = |(part, work): (&mut Part, &WorkOutcome)| {
             (part.units, part.unfinished) = (work.units, work.unfinished);
         };

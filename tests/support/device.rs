@@ -12,8 +12,8 @@ pub trait Watch: Send {
         Ok(())
     }
 
-    /// A frame is done.
-    fn done(&mut self, _outcome: &Outcome) {}
+    /// A frame is done. What it took may be told otherwise.
+    fn done(&mut self, _outcome: &mut Outcome) {}
 }
 
 /// A device whose frames are watched.
@@ -45,8 +45,8 @@ impl<W: Watch> Backend for Watched<W> {
     }
 
     fn poll(&mut self, patience: Duration) -> Result<Option<Outcome>, EngineError> {
-        let outcome = self.device.poll(patience)?;
-        if let Some(outcome) = &outcome {
+        let mut outcome = self.device.poll(patience)?;
+        if let Some(outcome) = &mut outcome {
             self.watch.done(outcome);
         }
         Ok(outcome)

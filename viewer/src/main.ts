@@ -25,8 +25,15 @@ async function show(): Promise<void> {
 
 /** The session's page brings three.js along, which the list does without. */
 async function openSession(id: string): Promise<Page> {
-  const { sessionPage } = await import("./pages/session.ts");
-  return sessionPage(id);
+  const before = shown?.element;
+  // What is clicked now is meant for the coming page.
+  before?.toggleAttribute("inert", true);
+  try {
+    const { sessionPage } = await import("./pages/session.ts");
+    return await sessionPage(id);
+  } finally {
+    before?.toggleAttribute("inert", false);
+  }
 }
 
 addEventListener("hashchange", show);

@@ -183,6 +183,8 @@ pub struct Placement {
 pub struct Outcome {
     /// One entry for each entry of the frame's `work`, in its order.
     pub work: Vec<WorkOutcome>,
+    /// Time that the device took for it.
+    pub took: Duration,
     /// Heights of the tiles that changed, of all snowpacks that published.
     pub published: Published,
 }

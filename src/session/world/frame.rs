@@ -55,7 +55,7 @@ impl Engine {
             };
             time.parts.waiting = lap.next();
             time.published_tiles = outcome.published.count();
-            let bill = Bill { took: time.parts.backend(), units: units(&part, &outcome) };
+            let bill = Bill { took: outcome.took, units: units(&part, &outcome) };
             self.vitals.charge(bill.sum());
             for done in conclude(part, outcome, bill, refusal.as_ref()) {
                 match done.left {

@@ -4,7 +4,7 @@
 mod job;
 
 use std::collections::{HashMap, VecDeque};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use firn_snow::{Grid, Snowpack};
 
@@ -128,6 +128,7 @@ impl Backend for CpuBackend {
         if self.lost {
             return Err(EngineError::DeviceFailed("the device was lost".to_owned()));
         }
+        let begun = Instant::now();
         let mut outcome = Outcome::default();
         let mut tiles = Tiles::default();
         for work in frame.work {
@@ -135,6 +136,7 @@ impl Backend for CpuBackend {
             outcome.work.push(done);
         }
         outcome.published = Published::from_tiles(tiles.changed.into_iter());
+        outcome.took = begun.elapsed();
         self.outcomes.push_back(outcome);
         Ok(())
     }

@@ -54,6 +54,8 @@ pub struct GpuBackend {
     residents: Residents,
     readback: Readback,
     outcomes: VecDeque<Outcome>,
+    /// When the frame in flight was submitted.
+    submitted: Instant,
     /// Parts of work in the frame in flight, by their places in it.
     flown: BTreeMap<usize, Flown>,
     always_awake: bool,
@@ -116,6 +118,7 @@ impl GpuBackend {
             residents: Residents::default(),
             readback,
             outcomes: VecDeque::new(),
+            submitted: Instant::now(),
             flown: BTreeMap::new(),
             always_awake,
             one_by_one: false,
@@ -214,6 +217,7 @@ impl Backend for GpuBackend {
         while !self.readback.is_idle() {
             self.fetch(Duration::from_millis(100))?;
         }
+        self.submitted = Instant::now();
         let scope = self.device.scope();
         self.carry_out(frame)?;
         drop(scope);
@@ -253,6 +257,7 @@ impl GpuBackend {
         self.device.check()?;
         match arrived? {
             Some(mut outcome) => {
+                outcome.took = self.submitted.elapsed();
                 for (place, flown) in std::mem::take(&mut self.flown) {
                     self.take_in(&mut outcome.work[place], &flown);
                 }
