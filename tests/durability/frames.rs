@@ -1,11 +1,12 @@
 //! What checkpoints do to frames.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use firn::config::BackendChoice;
 use serde_json::json;
 
 use crate::disk::Disk;
+use crate::support::wait::until;
 use crate::support::{Options, Server};
 
 #[tokio::test(flavor = "multi_thread")]
@@ -17,16 +18,12 @@ async fn a_checkpoint_is_taken_in_a_frame_of_its_own() {
             "initial_snow": [{"depth": 7}]});
         server.create(body).await;
     }
-    let began = Instant::now();
-    loop {
+    until("one has a frame for itself", async || {
         let frames = server.sessions.vitals().frame_times();
         assert!(frames.iter().all(|frame| frame.checkpoints <= 1), "one at a time");
         // On a machine that is late another's cycles may come into it.
-        if frames.iter().any(|frame| (frame.checkpoints, frame.sessions) == (1, 1)) {
-            break;
-        }
-        assert!(began.elapsed() < Duration::from_secs(30), "{frames:?}");
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
+        frames.iter().any(|frame| (frame.checkpoints, frame.sessions) == (1, 1))
+    })
+    .await;
     server.stop().await;
 }

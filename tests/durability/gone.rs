@@ -1,27 +1,17 @@
 //! The data directory is taken away under a running server.
 
-use std::time::{Duration, Instant};
-
 use reqwest::Method;
 use serde_json::{Value, json};
 
 use crate::process::Process;
 use crate::support::small;
-
-/// Longest time until it is noticed.
-const PATIENCE: Duration = Duration::from_secs(10);
+use crate::support::wait::until;
 
 /// Waits until `/readyz` says something of the store.
 async fn store_is(server: &Process, state: &str) -> (u16, Value) {
-    let began = Instant::now();
-    loop {
-        let (status, body) = server.send(Method::GET, "/readyz", None).await.unwrap();
-        if body["store"] == state {
-            return (status, body);
-        }
-        assert!(began.elapsed() < PATIENCE, "not {state}: {body}");
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
+    let told = async || server.send(Method::GET, "/readyz", None).await.unwrap();
+    until(state, async || told().await.1["store"] == state).await;
+    told().await
 }
 
 #[cfg(unix)]

@@ -9,6 +9,7 @@ use crate::client::Client;
 use crate::disk::Disk;
 use crate::on_each_backend;
 use crate::script::session;
+use crate::support::wait::until;
 use crate::support::{Options, Server};
 
 on_each_backend!(
@@ -39,15 +40,8 @@ async fn listed(server: &Server, id: &str) -> Value {
 }
 
 async fn until_hibernating(server: &Server, id: &str) -> Value {
-    let began = Instant::now();
-    loop {
-        let item = listed(server, id).await;
-        if item["state"] == "hibernating" {
-            return item;
-        }
-        assert!(began.elapsed() < Duration::from_secs(10), "{item}");
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
+    until("it hibernates", async || listed(server, id).await["state"] == "hibernating").await;
+    listed(server, id).await
 }
 
 async fn a_session_that_nobody_wants_hibernates(backend: BackendChoice) {
@@ -66,7 +60,7 @@ async fn a_session_that_nobody_wants_hibernates(backend: BackendChoice) {
         assert_eq!(server.sessions.vitals().hibernating(), 2);
 
         // Time stands still.
-        tokio::time::sleep(Duration::from_millis(300)).await;
+        server.beats(20).await;
         assert_eq!(listed(&server, "live").await["tick"], asleep["tick"]);
         let woken = server.get("/v1/sessions/live/mass").await.expect(200);
         assert!(woken["tick"].as_u64().unwrap() < asleep["tick"].as_u64().unwrap() + 20);
@@ -99,13 +93,13 @@ async fn a_session_that_somebody_watches_stays_awake(backend: BackendChoice) {
     let mut stream = Client::open(&server, &path).await;
     stream.send(json!({"op": "subscribe", "id": 1})).await;
     stream.heights_of(1).await;
-    tokio::time::sleep(Duration::from_millis(2500)).await;
+    server.beats(150).await;
     assert_eq!(listed(&server, "watched").await["state"], "paused");
     drop(stream);
     until_hibernating(&server, "watched").await;
     // It is not idle before its time has passed since the last one left, less a frame or two.
     let visit = server.sessions.get("watched").unwrap();
-    tokio::time::sleep(Duration::from_millis(2500)).await;
+    server.beats(150).await;
     assert_eq!(listed(&server, "watched").await["state"], "paused");
     let left = Instant::now();
     drop(visit);
@@ -120,11 +114,7 @@ async fn a_session_that_hibernates_is_deleted_in_the_end(backend: BackendChoice)
         body["delete_after_s"] = json!(3);
         server.create(body).await;
         until_hibernating(&server, "gone").await;
-        let began = Instant::now();
-        while listed(&server, "gone").await != Value::Null {
-            assert!(began.elapsed() < Duration::from_secs(10));
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
+        until("it is deleted", async || listed(&server, "gone").await == Value::Null).await;
         server.get("/v1/sessions/gone").await.problem(404);
         server.stop().await;
     }

@@ -2,15 +2,13 @@
 
 use std::path::Path;
 use std::process::Stdio;
-use std::time::{Duration, Instant};
 
 use reqwest::{Client, Method, StatusCode};
 use serde_json::Value;
 use tokio::io::{AsyncBufReadExt, BufReader, Lines};
 use tokio::process::{Child, ChildStderr, Command};
 
-/// Time after which a server that is not ready has failed.
-const PATIENCE: Duration = Duration::from_secs(60);
+use crate::support::wait::{PATIENCE, until};
 
 /// A running server.
 pub struct Process {
@@ -63,16 +61,14 @@ impl Process {
 
     /// Waits until it is ready.
     pub async fn recover(&self) {
-        let began = Instant::now();
-        loop {
+        until("it is ready", async || {
             let (status, body) = self.send(Method::GET, "/readyz", None).await.unwrap();
-            if status == 200 {
-                return;
+            if status != 200 {
+                assert_eq!((status, &body["status"]), (503, &Value::from("recovering")));
             }
-            assert_eq!((status, &body["status"]), (503, &Value::from("recovering")));
-            assert!(began.elapsed() < PATIENCE, "{:?}", self.read);
-            tokio::time::sleep(Duration::from_millis(5)).await;
-        }
+            status == 200
+        })
+        .await;
     }
 
     /// The value of a metric without labels.

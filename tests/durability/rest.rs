@@ -19,8 +19,6 @@ use crate::support::{Options, Server};
 
 on_each_backend!(time_at_rest_survives_kills, time_at_rest_survives_a_lost_device);
 
-/// Longest time until something has come about.
-const PATIENCE: Duration = Duration::from_secs(30);
 const NEVER: Duration = Duration::from_secs(3600);
 const HEARTBEAT: Row = Row { session: u64::MAX, kind: Kind::Heartbeat, number: 0 };
 
@@ -52,11 +50,8 @@ async fn come_to_rest(server: &Process, rates: &[(&str, f64)]) {
 }
 
 async fn settled(server: &Process, id: &str) {
-    let began = Instant::now();
-    while server.get(&format!("/v1/sessions/{id}")).await["settled"] != true {
-        assert!(began.elapsed() < PATIENCE, "{id} does not come to rest");
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
+    let path = format!("/v1/sessions/{id}");
+    until("it comes to rest", async || server.get(&path).await["settled"] == true).await;
 }
 
 async fn tick(server: &Process, id: &str) -> u64 {
@@ -78,7 +73,8 @@ async fn time_at_rest_survives_kills(backend: BackendChoice) {
     let mut fallen = BTreeMap::new();
     for round in 0..3 {
         // Long enough that an older mark would be missed.
-        tokio::time::sleep(Duration::from_millis(2500)).await;
+        let then = tick(&server, "usual").await;
+        until("time passes", async || tick(&server, "usual").await >= then + 150).await;
         if round == 1 {
             for (id, _) in rates {
                 let path = format!("/v1/sessions/{id}/snowfalls");
@@ -138,26 +134,15 @@ async fn time_at_rest_survives_a_lost_device(backend: BackendChoice) {
         let path = server.create(restless("a", 60.0)).await;
         let other = server.create(restless("b", 60.0)).await;
         server.patch(&path, json!({"paused": false})).await.expect(200);
-        let began = Instant::now();
-        while server.get(&path).await.expect(200)["settled"] != true {
-            assert!(began.elapsed() < PATIENCE);
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
+        until("it comes to rest", async || server.get(&path).await.expect(200)["settled"] == true)
+            .await;
         let tick = async || server.get(&path).await.expect(200)["tick"].as_u64().unwrap();
         let settled = tick().await;
         until("time passes at rest", async || tick().await >= settled + 90).await;
         let before = server.get(&path).await.expect(200);
         server.sessions.sabotage(Fault::LoseDevice).await;
-        let began = Instant::now();
         // Asking for another finds out, and waits until all are back.
-        loop {
-            let reply = server.get(&format!("{other}/mass")).await;
-            if reply.status == 200 {
-                break;
-            }
-            reply.problem(503);
-            assert!(began.elapsed() < PATIENCE);
-        }
+        server.get_once_back(&format!("{other}/mass")).await;
         let after = server.get(&path).await.expect(200);
         let ticks = [&before, &after].map(|reply| reply["tick"].as_u64().unwrap());
         assert!(ticks[1] >= ticks[0], "tick {} after {}", ticks[1], ticks[0]);
@@ -177,17 +162,13 @@ async fn time_that_stands_still_is_not_counted() {
     let patch = json!({"paused": true});
     server.send(Method::PATCH, "/v1/sessions/paused", Some(&patch)).await.expect("it answers");
     let paused = tick(&server, "paused").await;
-    let began = Instant::now();
-    let asleep = loop {
+    let listed = async || {
         let list = server.get("/v1/sessions").await;
         let found = list["items"].as_array().unwrap().iter().find(|item| item["id"] == "asleep");
-        let found = found.expect("it is listed");
-        if found["state"] == "hibernating" {
-            break found["tick"].as_u64().unwrap();
-        }
-        assert!(began.elapsed() < PATIENCE);
-        tokio::time::sleep(Duration::from_millis(20)).await;
+        found.expect("it is listed").clone()
     };
+    until("it hibernates", async || listed().await["state"] == "hibernating").await;
+    let asleep = listed().await["tick"].as_u64().unwrap();
     let then = tick(&server, "awake").await;
     until("the time of others goes on", async || tick(&server, "awake").await >= then + 720).await;
     let awake = tick(&server, "awake").await;
@@ -218,15 +199,12 @@ impl Watched {
     /// Waits for some more heartbeats, and takes out everything that was written meanwhile.
     async fn beats(&self, count: usize) -> Vec<Write> {
         self.writes.lock().unwrap().clear();
-        let began = Instant::now();
-        loop {
-            let writes = self.writes.lock().unwrap().clone();
-            if writes.iter().filter(|write| is_heartbeat(write)).count() >= count {
-                return writes;
-            }
-            assert!(began.elapsed() < PATIENCE, "{writes:?}");
-            tokio::time::sleep(Duration::from_millis(5)).await;
-        }
+        let writes = || self.writes.lock().unwrap().clone();
+        until("it is written that time passes", async || {
+            writes().iter().filter(|write| is_heartbeat(write)).count() >= count
+        })
+        .await;
+        writes()
     }
 }
 
@@ -261,18 +239,15 @@ async fn a_world_at_rest_writes_nothing_but_its_heartbeat() {
     }
     // While nobody's time passes nothing at all is written.
     store.writes.lock().unwrap().clear();
-    tokio::time::sleep(Duration::from_millis(1500)).await;
+    server.beats(90).await;
     assert!(store.writes.lock().unwrap().is_empty(), "{:?}", store.writes);
 
     for path in &paths[..30] {
         server.patch(path, json!({"paused": false})).await.expect(200);
     }
-    let began = Instant::now();
     for path in &paths[..30] {
-        while server.get(path).await.expect(200)["settled"] != true {
-            assert!(began.elapsed() < PATIENCE);
-            tokio::time::sleep(Duration::from_millis(10)).await;
-        }
+        until("it comes to rest", async || server.get(path).await.expect(200)["settled"] == true)
+            .await;
     }
     store.beats(2).await;
     let ticks = server.get(&paths[0]).await.expect(200)["tick"].as_u64().unwrap();

@@ -49,7 +49,7 @@ async fn seqs_go_on_above_what_was_published(backend: BackendChoice) {
             let answer = server.post(&format!("{path}/snowfalls"), fall(x)).await.expect(200);
             seqs.push(answer["seq"].as_u64().unwrap());
             // What is written by itself is written meanwhile, which nothing tells.
-            tokio::time::sleep(Duration::from_millis(700)).await;
+            server.beats(42).await;
         }
         // Snow falls and is cleared again: the heights are as before, but some saw others.
         let all = json!({"depth": 3.9, "region": {"x": 3.3, "z": 0, "width": 1, "depth": 1}});

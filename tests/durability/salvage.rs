@@ -218,7 +218,7 @@ async fn what_comes_back_stands_still_and_is_locked_until_an_administrator_says_
             assert!(metrics.contains(&line), "no {line} in {metrics}");
         }
         // Nobody has asked for it for a while, and it is there all the same; then a restart.
-        tokio::time::sleep(Duration::from_millis(1200)).await;
+        server.beats(72).await;
         server.stop().await;
         server = guarded(data.path(), &keys).await;
     }

@@ -55,10 +55,11 @@ async fn checkpoints_are_made_while_changes_never_cease() {
     let path = server.create(small()).await;
     let (over, falls) = (Arc::default(), Arc::default());
     let clients: Vec<_> = (0..16).map(|_| snow(&server, &path, &over, &falls)).collect();
-    while server.sessions.vitals().store.checkpoints() < 3 {
+    until("there are checkpoints", async || {
         assert!(falls.load(Ordering::Relaxed) < 10_000, "no checkpoints beside so many changes");
-        tokio::time::sleep(Duration::from_millis(5)).await;
-    }
+        server.sessions.vitals().store.checkpoints() >= 3
+    })
+    .await;
     over.store(true, Ordering::Relaxed);
     for client in clients {
         client.await.unwrap();

@@ -14,8 +14,8 @@ use tokio::time::timeout;
 
 use crate::on_each_backend;
 use crate::raw::reached;
-use crate::support::wait::until;
 use crate::support::Server;
+use crate::support::wait::until;
 use crate::watched::{self, Part};
 
 on_each_backend!(

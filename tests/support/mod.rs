@@ -257,6 +257,28 @@ impl Server {
         self.send(Method::GET, path, &[], Vec::new()).await
     }
 
+    /// Asks until the device is back. Who asks while it is lost is told to ask again.
+    pub async fn get_once_back(&self, path: &str) -> Value {
+        let mut answer = Value::Null;
+        wait::until("the device is back", async || {
+            let reply = self.get(path).await;
+            match reply.status {
+                200 => answer = reply.json(),
+                _ => drop(reply.problem(503)),
+            }
+            !answer.is_null()
+        })
+        .await;
+        answer
+    }
+
+    /// Waits until the world has gone on by some beats. There has to be a session.
+    pub async fn beats(&self, count: u64) {
+        let session = self.sessions.list(None, None, 1).pop().expect("there is a session");
+        let then = session.frame();
+        wait::until("beats pass", async || session.frame() >= then + count).await;
+    }
+
     pub async fn get_as(&self, path: &str, accept: &str) -> Reply {
         self.send(Method::GET, path, &[(ACCEPT.as_str(), accept)], Vec::new()).await
     }
