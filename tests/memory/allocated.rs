@@ -20,11 +20,13 @@ fn bytes() -> i64 {
 
 /// Bytes that are allocated once nothing is under way any more.
 pub async fn settled() -> i64 {
-    // Nothing tells when the last thread has given back what it held.
-    let mut least = i64::MAX;
-    for _ in 0..40 {
+    // Nothing tells when the last thread has given back what it held: it is less and less until then.
+    let (mut least, mut quiet) = (i64::MAX, 0);
+    while quiet < 40 {
         tokio::time::sleep(Duration::from_millis(25)).await;
-        least = least.min(bytes());
+        let now = bytes();
+        quiet = if now < least { 0 } else { quiet + 1 };
+        least = least.min(now);
     }
     least
 }
