@@ -13,6 +13,7 @@ pub mod experiment;
 pub mod http;
 pub mod limit;
 pub mod load;
+pub mod machine;
 pub mod metrics;
 pub mod open_files;
 pub mod problem;

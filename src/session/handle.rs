@@ -11,6 +11,8 @@ use firn_snow::CELL;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
+use crate::machine;
+
 use super::answer::WaitingRoom;
 use super::clock::Clock;
 use super::error::SessionError;
@@ -91,8 +93,8 @@ impl Session {
         let key = sessions.keys.fetch_add(1, Ordering::Relaxed);
         let identity = Identity {
             id,
-            epoch: ulid::Ulid::generate().to_string(),
-            created_at: humantime::format_rfc3339_millis(std::time::SystemTime::now()).to_string(),
+            epoch: machine::ulid().to_string(),
+            created_at: humantime::format_rfc3339_millis(machine::date()).to_string(),
             owner: tenant.map(|tenant| tenant.name.clone()),
             weight: Weight::default(),
             tokens,

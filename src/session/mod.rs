@@ -59,4 +59,6 @@ pub use token::{Grant, TokenHashes, Tokens, random_secret};
 pub use totals::{TenantTotals, Totals};
 pub use visit::Visit;
 pub use vitals::{FrameParts, FrameTime, StageTimes, Vitals};
-pub use world::{Durability, Fault, OpenBackend, StartError, World, WorldConfig};
+pub use world::{
+    Durability, Fault, ManualJournal, ManualWorld, OpenBackend, StartError, World, WorldConfig,
+};

@@ -7,6 +7,8 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use firn_protocol::SessionSpec;
 use firn_snow::Grid;
 
+use crate::machine;
+
 use super::error::SessionError;
 use super::handle::Session;
 use super::spec::Limits;
@@ -235,7 +237,7 @@ impl Place {
         spec: &SessionSpec,
         limits: &Limits,
     ) -> Result<Place, SessionError> {
-        let id = id.unwrap_or_else(|| ulid::Ulid::generate().to_string());
+        let id = id.unwrap_or_else(|| machine::ulid().to_string());
         names.reserve(&id, tenant.clone(), Size::of(&spec.grid), limits)?;
         Ok(Place { names, id, tenant, kept: false })
     }

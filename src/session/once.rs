@@ -10,6 +10,7 @@ use firn_protocol::{ClearingReply, ColliderReply, SnowfallReply, Stamp};
 use ring::aead::{Aad, CHACHA20_POLY1305, LessSafeKey, Nonce, UnboundKey};
 use serde::{Deserialize, Serialize};
 
+use crate::machine;
 use crate::store::StoreClock;
 
 use super::change::Applied;
@@ -129,7 +130,7 @@ pub(super) struct Sealed {
 impl Sealed {
     fn seal(secret: &[u8; 32], tokens: &Tokens) -> Result<Sealed, getrandom::Error> {
         let mut salt = [0; 32];
-        getrandom::fill(&mut salt)?;
+        machine::fill(&mut salt)?;
         let mut bytes = format!("{} {}", tokens.token, tokens.viewer_token).into_bytes();
         let tag = cipher(secret, &salt).seal_in_place_append_tag(nonce(), Aad::empty(), &mut bytes);
         tag.expect("two tokens are not too long");

@@ -5,6 +5,8 @@ use firn_protocol::{ColumnView, MassView, SessionView, StepSpec};
 use firn_snow::ColumnRect;
 use tokio::sync::oneshot;
 
+use crate::machine;
+
 use super::answer::Answer;
 use super::change::Applied;
 use super::change::Change;
@@ -194,7 +196,10 @@ impl Session {
 pub(super) async fn blocking<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, SessionError> + Send + 'static,
 ) -> Result<T, SessionError> {
-    tokio::task::spawn_blocking(work)
-        .await
-        .map_err(|_| SessionError::Internal("reading or making a snapshot failed".to_owned()))?
+    let (send, receive) = oneshot::channel();
+    // Whoever has gone away needs no answer.
+    let work = Box::new(move || drop(send.send(work())));
+    machine::aside(work, |work| drop(tokio::task::spawn_blocking(work)));
+    let failed = |_| SessionError::Internal("reading or making a snapshot failed".to_owned());
+    receive.await.map_err(failed)?
 }

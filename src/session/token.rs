@@ -4,6 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::machine;
+
 /// The secrets of a session, told once.
 #[derive(Clone)]
 pub struct Tokens {
@@ -51,7 +53,7 @@ impl TokenHashes {
 /// Where the operating system has no random numbers.
 pub fn random_secret() -> Result<String, getrandom::Error> {
     let mut bytes = [0; 32];
-    getrandom::fill(&mut bytes)?;
+    machine::fill(&mut bytes)?;
     Ok(blake3::Hash::from_bytes(bytes).to_hex().to_string())
 }
 

@@ -11,6 +11,7 @@ mod durability;
 mod engine;
 mod finish;
 mod frame;
+mod manual;
 mod marks;
 mod requests;
 mod revive;
@@ -31,10 +32,11 @@ use firn_engine::frame::{Backend, EngineError};
 use tokio::sync::mpsc;
 use tracing::{info, warn};
 
+use crate::machine;
 use crate::store::{Damage, Loaded};
 
 use super::handle::Session;
-use super::journal::{self, Assembled, Journal, SEQ_RESERVE, Stored};
+use super::journal::{self, Assembled, Journal, SEQ_RESERVE, Stored, Workers};
 use super::message::Message;
 use super::names::Names;
 use super::once::Answered;
@@ -42,6 +44,7 @@ use super::pace::Pace;
 use super::registry::{DECODED_AT_ONCE, Sessions};
 use super::spec::Limits;
 use super::vitals::Vitals;
+use backoff::Backoff;
 use deadlines::Deadlines;
 use engine::Engine;
 use revive::Revival;
@@ -49,6 +52,8 @@ use simulations::Simulations;
 use slots::Slots;
 
 pub(super) use revive::Decoded;
+
+pub use manual::{ManualJournal, ManualWorld};
 
 pub use durability::{Durability, Fault, OpenBackend, StartError};
 
@@ -104,10 +109,28 @@ impl World {
     /// # Errors
     /// Where the device can't be opened, or what is stored can't be read.
     pub fn open(
+        open: OpenBackend,
+        config: WorldConfig,
+        durability: Durability,
+    ) -> Result<(Sessions, World), StartError> {
+        let (sessions, mut engine, workers) = World::prepare(open, config, durability)?;
+        engine.journal.start(workers)?;
+        let inbox = sessions.world.clone();
+        let thread = std::thread::Builder::new()
+            .name("world".to_owned())
+            .spawn(move || engine.supervise())?;
+        Ok((sessions, World { inbox, thread }))
+    }
+
+    /// Everything but the threads.
+    ///
+    /// # Errors
+    /// As [`World::open`].
+    fn prepare(
         mut open: OpenBackend,
         config: WorldConfig,
         mut durability: Durability,
-    ) -> Result<(Sessions, World), StartError> {
+    ) -> Result<(Sessions, Engine, Workers), StartError> {
         let backend = open()?;
         let Loaded { rows, next_key, clock: store_clock, damage } = durability.store.load()?;
         let Assembled { sessions: stored, broken, frame } = journal::assemble(rows);
@@ -133,7 +156,9 @@ impl World {
             backend.maker(),
         );
         sessions.keys.store(next_key, Ordering::Relaxed);
-        let jump = u64::from(getrandom::u32().map_err(std::io::Error::other)?) % SEQ_RESERVE;
+        let mut jump = [0; 8];
+        machine::fill(&mut jump).map_err(std::io::Error::other)?;
+        let jump = u64::from_le_bytes(jump) % SEQ_RESERVE;
         let (image, comebacks) = come_back(&sessions, stored, frame, jump);
         // The runtime waits for a request or for the next beat, whatever comes first, and decodes what is
         // stored of sessions that are woken.
@@ -141,13 +166,8 @@ impl World {
             .enable_time()
             .max_blocking_threads(DECODED_AT_ONCE)
             .build()?;
-        let journal = Journal::start(
-            durability.store,
-            image,
-            answered,
-            vitals.store.clone(),
-            send.downgrade(),
-        )?;
+        let (journal, workers) =
+            Journal::new(durability.store, image, answered, vitals.store.clone(), send.downgrade());
         let engine = Engine {
             backend,
             open,
@@ -160,14 +180,14 @@ impl World {
             frames,
             frame,
             looked_after: frame,
-            next_beat: Instant::now(),
+            next_beat: machine::now(),
             pace: Pace::default(),
             simulations: Simulations::default(),
             busy: false,
             ends: Deadlines::default(),
             saves: Deadlines::default(),
             hibernating: HashMap::new(),
-            waking: HashMap::new(),
+            waking: BTreeMap::new(),
             leaving: HashMap::new(),
             slots: Slots::default(),
             object_rows: Arc::default(),
@@ -177,16 +197,15 @@ impl World {
             fallen: Vec::new(),
             checkpointing: None,
             stop: None,
+            saving: false,
+            backoff: Backoff::default(),
         };
-        let thread = std::thread::Builder::new()
-            .name("world".to_owned())
-            .spawn(move || engine.supervise())?;
-        Ok((sessions, World { inbox: send, thread }))
+        Ok((sessions, engine, workers))
     }
 
     /// Ends the thread after the frame under way, and writes what is left to be written.
     pub fn stop(self) {
-        self.stop_by(Instant::now() + STOP_TIME);
+        self.stop_by(machine::now() + STOP_TIME);
     }
 
     /// As [`World::stop`], beginning no checkpoint after a deadline: what they would hold is in

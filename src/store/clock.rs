@@ -8,7 +8,9 @@
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use crate::machine;
 
 /// Tells the time from any beginning, and never goes back.
 type Source = Arc<dyn Fn() -> Duration + Send + Sync>;
@@ -25,8 +27,11 @@ pub struct StoreClock {
 impl StoreClock {
     /// A clock that goes on from where it had come to.
     pub fn going_on_from(before: Duration) -> StoreClock {
-        let start = Instant::now();
-        StoreClock::driven_by(before, Arc::new(move || start.elapsed()))
+        let start = machine::now();
+        StoreClock::driven_by(
+            before,
+            Arc::new(move || machine::now().saturating_duration_since(start)),
+        )
     }
 
     fn driven_by(before: Duration, since: Source) -> StoreClock {

@@ -3,7 +3,9 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::UNIX_EPOCH;
+
+use crate::machine;
 
 /// Name of the file.
 const FILE: &str = "firn.redb";
@@ -51,7 +53,7 @@ impl Directory {
 
     /// Keeps the store's file under another name too, which nothing has had. Returns where.
     pub fn keep_aside(&self) -> io::Result<PathBuf> {
-        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
+        let since = machine::date().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
         let names = (0u32..).map(|number| match number {
             0 => format!("{FILE}.damaged-{since}"),
             number => format!("{FILE}.damaged-{since}-{number}"),

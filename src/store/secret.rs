@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::machine;
+
 use super::roster::NOBODY;
 use super::{Content, Kind, Row};
 
@@ -26,5 +28,5 @@ pub(super) fn of(rows: &BTreeMap<Row, Content>) -> Option<Secret> {
 /// Where the operating system has no random numbers.
 pub(super) fn new() -> Result<Secret, getrandom::Error> {
     let mut secret = [0; LENGTH];
-    getrandom::fill(&mut secret).map(|()| secret)
+    machine::fill(&mut secret).map(|()| secret)
 }

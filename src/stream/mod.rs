@@ -37,6 +37,7 @@ use tiles::LARGEST_PART;
 
 pub use cache::EncodedTiles;
 pub use request::{Control, Refusal, Request};
+pub use subscription::{Copied, Source, Subscription};
 
 /// Largest message of a client \[bytes\].
 const LARGEST_MESSAGE: usize = 1 << 20;

@@ -1,5 +1,6 @@
 //! A disk that fails in all the ways that disks do.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{self, ErrorKind};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
@@ -40,9 +41,11 @@ struct State {
     failing: Option<Failing>,
     /// How long it takes to sync.
     delay: Duration,
+    /// Of all operations so far.
+    fingerprint: DefaultHasher,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Hash)]
 enum Operation {
     Write(u64, Vec<u8>),
     Length(u64),
@@ -109,7 +112,13 @@ impl Disk {
             }
         }
         let synced = bytes.clone();
-        Disk(Arc::new(Mutex::new(State { bytes, synced, ..State::default() })))
+        let fingerprint = state.fingerprint.clone();
+        Disk(Arc::new(Mutex::new(State { bytes, synced, fingerprint, ..State::default() })))
+    }
+
+    /// A hash of all that was done to it.
+    pub fn fingerprint(&self) -> u64 {
+        self.state().fingerprint.finish()
     }
 
     fn change(&self, operation: Operation) -> io::Result<()> {
@@ -122,6 +131,7 @@ impl Disk {
         }
         let mut state = self.state();
         operation.apply(&mut state.bytes);
+        operation.hash(&mut state.fingerprint);
         state.unsynced.push(operation);
         Ok(())
     }

@@ -39,7 +39,7 @@ pub use client::Client;
 pub use error::Error;
 pub use field::{HeightField, OtherGrid};
 pub use firn_protocol as protocol;
-pub use message::{Ack, HeightTile, Heights, Message, Welcome};
+pub use message::{Ack, HeightTile, Heights, Message, Welcome, read};
 pub use reqwest::{Method, Response};
 pub use session::Session;
 pub use stream::{Raw, Stream};

@@ -7,6 +7,7 @@ use firn_engine::frame::{Edit, Placement};
 use firn_protocol::{ColliderBatch, ColliderPatch, ColliderSpec};
 use firn_snow::{Contact, Footprint, Grid, Shape};
 
+use crate::machine;
 use crate::quote::quote;
 use crate::session::change::Change;
 use crate::session::error::{Check, Invalid, SessionError};
@@ -176,7 +177,7 @@ impl Simulation {
 /// Gives an object a name that has none, so that it has the same one when the change is repeated.
 pub(super) fn name_collider(change: &mut Change) {
     if let Change::CreateCollider(spec) | Change::PutCollider(spec) = change {
-        spec.id.get_or_insert_with(|| ulid::Ulid::generate().to_string());
+        spec.id.get_or_insert_with(|| machine::ulid().to_string());
     }
 }
 

@@ -10,6 +10,7 @@ use std::time::Duration;
 use tokio::sync::mpsc::WeakSender;
 use tracing::{error, warn};
 
+use crate::machine;
 use crate::session::error::SessionError;
 use crate::session::message::Message;
 use crate::session::once::{Answered, Done};
@@ -19,6 +20,9 @@ use crate::threads::{self, Priority};
 use super::image::{Image, Stored, Submission};
 use super::writer::Writer;
 use super::{Ack, Checkpoint, Heartbeat, Record, StoreVitals, Taken};
+
+/// Longer than anybody waits.
+const FOREVER: Duration = Duration::from_secs(1 << 30);
 
 /// Submissions that may wait; beyond them changes are refused.
 const LONGEST_BACKLOG: usize = 65_536;
@@ -63,6 +67,7 @@ pub(crate) struct Journal {
     jobs: Option<mpsc::Sender<Job>>,
     feedback: mpsc::Receiver<Feedback>,
     shared: Arc<Shared>,
+    /// None where somebody else has the workers.
     threads: Vec<JoinHandle<()>>,
     /// What this frame has left.
     frame: Vec<Submission>,
@@ -74,23 +79,20 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    /// Starts the threads. `nudge` is woken when there is something to be told.
-    ///
-    /// # Errors
-    /// Where the operating system refuses a thread.
-    pub fn start(
+    /// A journal, and the workers behind it. `nudge` is woken when there is something to be told.
+    pub fn new(
         store: Box<dyn Store>,
         image: Image,
         answered: Arc<Answered>,
         vitals: Arc<StoreVitals>,
         nudge: WeakSender<Message>,
-    ) -> std::io::Result<Journal> {
+    ) -> (Journal, Workers) {
         let durable = store.is_durable();
         let mut ages: Vec<(u64, Arc<Done>)> = Vec::new();
         for (&key, stored) in &image {
             ages.extend(stored.done.iter().map(|done| (key, done.clone())));
         }
-        ages.sort_by_key(|(_, done)| done.at_ms);
+        ages.sort_by_key(|(_, done)| (done.at_ms, done.key));
         if let Some((_, newest)) = ages.last() {
             answered.go_on_from(newest);
         }
@@ -106,23 +108,30 @@ impl Journal {
         let (tell, feedback) = mpsc::channel();
         let (jobs, to_encode) = mpsc::channel();
         let writer = Writer::new(store, shared.clone(), ages, incoming, tell, nudge);
-        let encoded = tasks.clone();
-        let counted = shared.clone();
-        let threads = vec![
-            spawn("store", move || writer.run())?,
-            spawn("checkpoints", move || encode(&to_encode, &encoded, &counted))?,
-        ];
-        Ok(Journal {
+        let packer = Packer { jobs: to_encode, tasks: tasks.clone(), shared: shared.clone() };
+        let journal = Journal {
             tasks: Some(tasks),
             jobs: Some(jobs),
             feedback,
             shared,
-            threads,
+            threads: Vec::new(),
             frame: Vec::new(),
             snapshots: Vec::new(),
             heartbeat: None,
             durable,
-        })
+        };
+        (journal, Workers { writer, packer })
+    }
+
+    /// Gives the workers threads of their own.
+    ///
+    /// # Errors
+    /// Where the operating system refuses one.
+    pub fn start(&mut self, workers: Workers) -> std::io::Result<()> {
+        let Workers { writer, packer } = workers;
+        self.threads.push(spawn("store", move || writer.run())?);
+        self.threads.push(spawn("checkpoints", move || packer.run())?);
+        Ok(())
     }
 
     /// Adds to what this frame has left.
@@ -176,7 +185,7 @@ impl Journal {
             && tasks.send(Task::Flush(done)).is_ok()
         {
             // An error means that the thread has ended.
-            let _ = wait.recv();
+            let _ = machine::receive(&wait, FOREVER);
         }
     }
 
@@ -187,7 +196,7 @@ impl Journal {
 
     /// Waits for what the world is to be told.
     pub fn wait(&self, patience: Duration) -> Option<Feedback> {
-        self.feedback.recv_timeout(patience).ok()
+        machine::receive(&self.feedback, patience).ok()
     }
 
     /// What is durable of a session, for a new life of it: what the old one submitted is void. It
@@ -243,10 +252,52 @@ fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> std::io::Result<Joi
     std::thread::Builder::new().name(name.to_owned()).spawn(run)
 }
 
-/// Makes checkpoints of snapshots until there will be no more.
-fn encode(jobs: &mpsc::Receiver<Job>, tasks: &mpsc::Sender<Task>, shared: &Shared) {
-    threads::give_way(Priority::Lowest);
-    while let Ok(Job { key, generation, base, taken }) = jobs.recv() {
+/// Who works behind a journal.
+pub(in crate::session) struct Workers {
+    writer: Writer,
+    packer: Packer,
+}
+
+impl Workers {
+    /// Commits what waits for that.
+    pub fn commit(&mut self) {
+        self.writer.turn(None, false);
+    }
+
+    /// Makes a checkpoint, where a snapshot waits for that.
+    pub fn pack(&mut self) {
+        if let Ok(job) = self.packer.jobs.try_recv() {
+            self.packer.pack(job);
+        }
+    }
+
+    /// Does the last of it, once there will be no more.
+    pub fn end(mut self) {
+        while let Ok(job) = self.packer.jobs.try_recv() {
+            self.packer.pack(job);
+        }
+        self.writer.turn(None, true);
+    }
+}
+
+/// Makes checkpoints of snapshots.
+struct Packer {
+    jobs: mpsc::Receiver<Job>,
+    tasks: mpsc::Sender<Task>,
+    shared: Arc<Shared>,
+}
+
+impl Packer {
+    /// Makes them until there will be no more.
+    fn run(&self) {
+        threads::give_way(Priority::Lowest);
+        while let Ok(job) = self.jobs.recv() {
+            self.pack(job);
+        }
+    }
+
+    fn pack(&self, job: Job) {
+        let Job { key, generation, base, taken } = job;
         // The entries that it replaces are worth more than one that can't be read.
         let made = || taken.snapshot.check_mass().and_then(|()| taken.snapshot.encode());
         let encoded = catch_unwind(AssertUnwindSafe(made));
@@ -262,9 +313,9 @@ fn encode(jobs: &mpsc::Receiver<Job>, tasks: &mpsc::Sender<Task>, shared: &Share
             }
         };
         let submission = Submission { key, generation, records, acks: Vec::new() };
-        shared.backlog.fetch_add(1, Ordering::Relaxed);
+        self.shared.backlog.fetch_add(1, Ordering::Relaxed);
         // Nobody is left to take it where this fails.
-        let _ = tasks.send(Task::Commit(vec![submission], None));
+        let _ = self.tasks.send(Task::Commit(vec![submission], None));
     }
 }
 

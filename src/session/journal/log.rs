@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crate::machine;
 use crate::session::once::Done;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
@@ -67,7 +68,7 @@ impl Log {
         Log {
             create: Some(Record::Create(identity, origin)),
             answered: done.into_iter().collect(),
-            outdated: Some(Instant::now()),
+            outdated: Some(machine::now()),
             ..Log::default()
         }
     }
@@ -81,7 +82,7 @@ impl Log {
             mark: stored.mark.clone(),
             unmarked: true,
             outdated: (stored.checkpoint.is_none() || !stored.entries.is_empty())
-                .then(Instant::now),
+                .then(machine::now),
             ..Log::default()
         }
     }
@@ -117,7 +118,7 @@ impl Log {
 
     /// Notes that cells may have changed.
     pub fn outdate(&mut self) {
-        self.outdated.get_or_insert_with(Instant::now);
+        self.outdated.get_or_insert_with(machine::now);
     }
 
     /// Whether the newest checkpoint is the present state, but for its clock.
@@ -144,7 +145,7 @@ impl Log {
     pub fn uncover(&mut self, base: u64) {
         self.covered = base;
         self.outdate();
-        self.not_before = Instant::now().checked_add(RETRY);
+        self.not_before = machine::now().checked_add(RETRY);
     }
 
     /// When a checkpoint may be made that is wanted at some time: not at once after one that failed.

@@ -19,7 +19,7 @@ mod writer;
 
 pub(super) use assemble::{Assembled, assemble};
 pub(super) use entry::{Checkpoint, Entry, Event, Heartbeat, Identity, Mark, Rest};
-pub(super) use handle::{Feedback, Journal};
+pub(super) use handle::{Feedback, Journal, Workers};
 pub(super) use image::{Record, Stored, Submission};
 pub(super) use lock::Lock;
 pub(super) use log::{Left, Log, Taken};

@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc::WeakSender;
 
+use crate::machine;
 use crate::session::error::SessionError;
 use crate::session::message::Message;
 use crate::session::once::Done;
@@ -78,83 +79,80 @@ impl Writer {
             shared,
             waiting: Vec::new(),
             heartbeat: None,
-            last_commit: Instant::now(),
-            last_look: Instant::now(),
+            last_commit: machine::now(),
+            last_look: machine::now(),
             spoiled: BTreeSet::new(),
             late: HashMap::new(),
             ages: ages.into(),
-            next_attempt: Instant::now(),
+            next_attempt: machine::now(),
         }
     }
 
     /// Commits what it is handed until there will be no more.
     pub fn run(mut self) {
-        let mut ended = false;
-        while !ended {
-            let mut batch = std::mem::take(&mut self.waiting);
-            let mut flushes = Vec::new();
-            ended = !self.collect(&mut batch, &mut flushes);
-            self.look();
-            let urgent = ended
-                || !flushes.is_empty()
-                || self.last_commit.elapsed() >= MARKS_WAIT
-                || batch.iter().any(|submission| !submission.can_wait());
-            if urgent {
-                self.commit(batch);
-            } else {
-                self.waiting = batch;
-            }
-            self.heal(ended);
-            for flushed in flushes {
-                // Whoever has gone away needs no answer.
-                let _ = flushed.send(());
+        loop {
+            let (first, ended) = self.wait();
+            self.turn(first, ended);
+            if ended {
+                break;
             }
         }
     }
 
-    /// Waits for work and takes what there is. False means that there will be no more.
-    fn collect(
-        &mut self,
-        batch: &mut Vec<Submission>,
-        flushes: &mut Vec<mpsc::Sender<()>>,
-    ) -> bool {
-        let idle = batch.is_empty() && self.heartbeat.is_none();
-        let failed = self.is_failed();
-        let newest = &mut self.heartbeat;
-        let mut take = |task| match task {
-            Task::Commit(submissions, heartbeat) => {
-                batch.extend(submissions);
-                *newest = heartbeat.or(*newest);
+    /// Commits what it has been handed, one task first, where it does not wait for more; `ended` says that
+    /// there will be no more.
+    pub fn turn(&mut self, first: Option<Task>, ended: bool) {
+        let mut batch = std::mem::take(&mut self.waiting);
+        let mut flushes = Vec::new();
+        let others = std::iter::from_fn(|| self.incoming.try_recv().ok());
+        for task in first.into_iter().chain(others).take(LARGEST_BATCH) {
+            match task {
+                Task::Commit(submissions, heartbeat) => {
+                    batch.extend(submissions);
+                    self.heartbeat = heartbeat.or(self.heartbeat);
+                }
+                Task::Flush(done) => flushes.push(done),
             }
-            Task::Flush(done) => flushes.push(done),
-        };
-        if idle && !failed && !self.durable {
-            match self.incoming.recv() {
-                Ok(task) => take(task),
-                Err(_) => return false,
-            }
+        }
+        self.look();
+        let urgent = ended
+            || !flushes.is_empty()
+            || machine::since(self.last_commit) >= MARKS_WAIT
+            || batch.iter().any(|submission| !submission.can_wait());
+        if urgent {
+            self.commit(batch);
         } else {
-            let patience = if failed {
-                RETRY
-            } else if idle {
-                LOOK
-            } else {
-                MARKS_WAIT
-            };
-            match self.incoming.recv_timeout(patience) {
-                Ok(task) => take(task),
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return false,
-            }
+            self.waiting = batch;
         }
-        let mut taken = 1;
-        while taken < LARGEST_BATCH
-            && let Ok(task) = self.incoming.try_recv()
-        {
-            take(task);
-            taken += 1;
+        self.heal(ended);
+        for flushed in flushes {
+            // Whoever has gone away needs no answer.
+            let _ = flushed.send(());
         }
-        true
+    }
+
+    /// Waits for a task, up to the time at which there may be something else to do. Returns it, and whether
+    /// there will be no more.
+    fn wait(&self) -> (Option<Task>, bool) {
+        let idle = self.waiting.is_empty() && self.heartbeat.is_none();
+        let failed = self.is_failed();
+        if idle && !failed && !self.durable {
+            let first = self.incoming.recv().ok();
+            let ended = first.is_none();
+            return (first, ended);
+        }
+        let patience = if failed {
+            RETRY
+        } else if idle {
+            LOOK
+        } else {
+            MARKS_WAIT
+        };
+        match self.incoming.recv_timeout(patience) {
+            Ok(task) => (Some(task), false),
+            Err(RecvTimeoutError::Timeout) => (None, false),
+            Err(RecvTimeoutError::Disconnected) => (None, true),
+        }
     }
 
     fn is_failed(&self) -> bool {
@@ -199,7 +197,7 @@ impl Writer {
     }
 
     fn write(&mut self, batch: &[Submission]) -> Result<(), StoreError> {
-        self.last_commit = Instant::now();
+        self.last_commit = machine::now();
         let mut writes = self.forget();
         if !self.durable {
             return Ok(());
@@ -209,10 +207,10 @@ impl Writer {
         if writes.is_empty() {
             return Ok(());
         }
-        let began = Instant::now();
+        let began = machine::now();
         self.store.commit(&writes)?;
         self.heartbeat = None;
-        self.shared.vitals.committed(began.elapsed());
+        self.shared.vitals.committed(machine::since(began));
         Ok(())
     }
 

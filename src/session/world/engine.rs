@@ -1,5 +1,6 @@
 //! The loop of the world's thread: beats, frames and what came of them.
 
+use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -9,6 +10,7 @@ use firn_engine::frame::{Backend, EngineError};
 use tokio::sync::mpsc;
 use tracing::error;
 
+use crate::machine;
 use crate::session::answer::Answer;
 use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
@@ -20,6 +22,7 @@ use crate::session::pace::Pace;
 use crate::session::simulation::Simulation;
 use crate::session::vitals::{FrameTime, Vitals};
 
+use super::backoff::Backoff;
 use super::deadlines::Deadlines;
 use super::frame::caught;
 use super::revive::Revival;
@@ -27,6 +30,15 @@ use super::simulations::Simulations;
 use super::slots::Slots;
 use super::wake::Waking;
 use super::{OpenBackend, TAKEN_AT_ONCE, WorldConfig};
+
+/// Why no request came.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Silence {
+    /// The time is over.
+    Time,
+    /// There is nobody left to send one.
+    Nobody,
+}
 
 /// What lives on the world's thread.
 pub(super) struct Engine {
@@ -54,7 +66,7 @@ pub(super) struct Engine {
     /// Sessions whose memory is freed.
     pub(super) hibernating: HashMap<u64, Arc<Session>>,
     /// Sessions that are being woken.
-    pub(super) waking: HashMap<u64, Waking>,
+    pub(super) waking: BTreeMap<u64, Waking>,
     /// Who waits for a session to be deleted.
     pub(super) leaving: HashMap<u64, Vec<Answer<()>>>,
     pub(super) slots: Slots,
@@ -71,51 +83,67 @@ pub(super) struct Engine {
     pub(super) checkpointing: Option<u64>,
     /// Told to stop: until when checkpoints may be begun.
     pub(super) stop: Option<Instant>,
+    pub(super) backoff: Backoff,
+    /// The coming frame has a checkpoint.
+    pub(super) saving: bool,
 }
 
 impl Engine {
-    /// Works until it is told to stop.
+    /// Does what there is to do, up to the end of a frame. False means that it was told to stop.
     ///
     /// # Errors
     /// Those of the backend, after which it has to be opened anew.
-    pub(super) fn run(&mut self) -> Result<(), EngineError> {
+    pub(super) fn turn(&mut self, first: Option<Message>) -> Result<bool, EngineError> {
         self.bring_back()?;
-        let mut saves = false;
-        loop {
-            if !self.take_messages()? {
-                return Ok(());
-            }
-            let (begun, beat) = (Instant::now(), self.frame);
-            // The frame with a checkpoint takes on nothing that falls on a beat.
-            let publish = !std::mem::take(&mut saves) && self.beat();
-            self.look_after_sessions()?;
-            self.feed_waking();
-            let frame = self.carry_out_frame(publish)?;
-            self.advance_waking()?;
-            if frame.sessions > 0 || self.frame > beat {
-                self.vitals.note(FrameTime { took: begun.elapsed(), ..frame });
-            }
-            if self.frame > beat {
-                saves = self.begin_checkpoint();
-            }
+        if !self.take_messages(first)? {
+            return Ok(false);
         }
+        let (begun, beat) = (machine::now(), self.frame);
+        // The frame with a checkpoint takes on nothing that falls on a beat.
+        let publish = !std::mem::take(&mut self.saving) && self.beat();
+        self.look_after_sessions()?;
+        self.feed_waking();
+        let frame = self.carry_out_frame(publish)?;
+        self.advance_waking()?;
+        if frame.sessions > 0 || self.frame > beat {
+            let took = machine::since(begun);
+            self.vitals.note(FrameTime { took, ..frame });
+        }
+        if self.frame > beat {
+            self.saving = self.begin_checkpoint();
+        }
+        Ok(true)
     }
 
-    /// Waits for a request or the next beat, and takes in what has arrived. False means stop.
-    fn take_messages(&mut self) -> Result<bool, EngineError> {
-        if !self.busy {
-            let deadline = tokio::time::Instant::from_std(self.next_beat);
-            let inbox = &mut self.inbox;
-            let wait = async { tokio::time::timeout_at(deadline, inbox.recv()).await };
-            match self.clock.block_on(wait) {
-                Ok(Some(message)) => {
-                    if !self.take_message(message)? {
-                        return Ok(false);
-                    }
-                }
-                Ok(None) => return Ok(false),
-                Err(_) => {}
+    /// Waits for a request, up to some time.
+    ///
+    /// # Errors
+    /// Where none came.
+    pub(super) fn wait(&mut self, deadline: Instant) -> Result<Message, Silence> {
+        let (inbox, clock) = (RefCell::new(&mut self.inbox), &self.clock);
+        let look = || match inbox.borrow_mut().try_recv() {
+            Ok(message) => Some(Ok(message)),
+            Err(mpsc::error::TryRecvError::Empty) => None,
+            Err(mpsc::error::TryRecvError::Disconnected) => Some(Err(Silence::Nobody)),
+        };
+        let block = || {
+            let mut inbox = inbox.borrow_mut();
+            let next = async { tokio::time::timeout_at(deadline.into(), inbox.recv()).await };
+            match clock.block_on(next) {
+                Ok(Some(message)) => Ok(message),
+                Ok(None) => Err(Silence::Nobody),
+                Err(_) => Err(Silence::Time),
             }
+        };
+        machine::wait(deadline, look, block).unwrap_or(Err(Silence::Time))
+    }
+
+    /// Takes in what has arrived. False means stop.
+    fn take_messages(&mut self, first: Option<Message>) -> Result<bool, EngineError> {
+        if let Some(message) = first
+            && !self.take_message(message)?
+        {
+            return Ok(false);
         }
         for _ in 0..TAKEN_AT_ONCE {
             match self.inbox.try_recv() {
@@ -134,7 +162,7 @@ impl Engine {
 
     /// Counts the frame where one is due. Returns whether publications are due with it.
     fn beat(&mut self) -> bool {
-        let now = Instant::now();
+        let now = machine::now();
         if now < self.next_beat {
             return false;
         }

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use tracing::{info, warn};
 
+use crate::machine;
 use crate::session::error::SessionError;
 use crate::session::journal::Feedback;
 use crate::session::simulation::Simulation;
@@ -19,7 +20,7 @@ impl Engine {
     /// Writes the last marks and checkpoints, where it was told to stop.
     pub(super) fn finish(&mut self) {
         let Some(deadline) = self.stop.filter(|_| self.journal.durable) else { return };
-        let began = Instant::now();
+        let began = machine::now();
         let why = SessionError::Unavailable("the server is stopping".to_owned());
         // What is stored of sessions that panicked, or are being woken, is right, and what is here is not.
         let waking = self.give_up_all_waking(&why).into_iter().map(|(session, _)| session.key);
@@ -30,7 +31,7 @@ impl Engine {
         self.mark_all();
         let mut left = self.sound_ones(|simulation| !simulation.log.is_covered());
         let (count, mut made) = (left.len(), 0);
-        while !left.is_empty() && Instant::now() < deadline && self.journal.refusal().is_none() {
+        while !left.is_empty() && machine::now() < deadline && self.journal.refusal().is_none() {
             let mut wave = self.next_to_save(&mut left);
             if let Err(failure) = self.carry_out_frame(false) {
                 warn!("no last checkpoints: {failure}");
@@ -39,7 +40,7 @@ impl Engine {
             wave.retain(|key| !self.fallen.contains(key));
             made += self.wait_for_checkpoints(wave, deadline);
         }
-        info!("{made} of {count} last checkpoints after {:.1?}", began.elapsed());
+        info!("{made} of {count} last checkpoints after {:.1?}", machine::since(began));
     }
 
     /// Has time stand still everywhere: steps end where they are, and what is under way is brought
@@ -51,7 +52,7 @@ impl Engine {
             simulation.frozen = true;
             simulation.end_step();
         }
-        while Instant::now() < deadline {
+        while machine::now() < deadline {
             let busy = self.sound_ones(Simulation::has_orders);
             if busy.is_empty() {
                 return;
@@ -95,8 +96,8 @@ impl Engine {
     /// Waits until checkpoints are stored. Returns how many are.
     fn wait_for_checkpoints(&mut self, mut wave: HashSet<u64>, deadline: Instant) -> usize {
         let mut made = 0;
-        while !wave.is_empty() && Instant::now() < deadline {
-            let patience = deadline.saturating_duration_since(Instant::now());
+        while !wave.is_empty() && machine::now() < deadline {
+            let patience = deadline.saturating_duration_since(machine::now());
             match self.journal.wait(patience.min(Duration::from_secs(1))) {
                 Some(Feedback::Checkpoint { key, stored, .. }) => {
                     made += usize::from(wave.remove(&key) && stored);

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use firn_engine::frame::{EngineError, Frame, Outcome, Work};
 use firn_engine::parallel;
 
+use crate::machine;
 use crate::session::charge::{Bill, Charge, who_waits};
 use crate::session::error::SessionError;
 use crate::session::gather::MOST_SAMPLES;
@@ -27,7 +28,7 @@ impl Engine {
     /// took.
     pub(super) fn carry_out_frame(&mut self, publish: bool) -> Result<FrameTime, EngineError> {
         self.busy = false;
-        let mut lap = Lap(Instant::now());
+        let mut lap = Lap(machine::now());
         let turn = Turn {
             frame: self.frame,
             publish,
@@ -214,7 +215,7 @@ struct Lap(Instant);
 
 impl Lap {
     fn next(&mut self) -> Duration {
-        let now = Instant::now();
+        let now = machine::now();
         now.duration_since(std::mem::replace(&mut self.0, now))
     }
 }

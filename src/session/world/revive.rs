@@ -3,13 +3,13 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::Instant;
 
 use firn_engine::frame::{EngineError, Slot};
 use firn_engine::made::{Made, Maker};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use tracing::{error, info, warn};
 
+use crate::machine;
 use crate::session::error::{Invalid, SessionError};
 use crate::session::handle::Session;
 use crate::session::journal::{Log, Record, Replay, Stored, Submission};
@@ -102,7 +102,10 @@ impl Engine {
     /// # Errors
     /// Those of the backend; what has not been brought back is still to be then.
     pub(super) fn bring_back(&mut self) -> Result<(), EngineError> {
-        let (count, began) = (self.comebacks.len(), Instant::now());
+        if self.comebacks.is_empty() && self.vitals.is_recovered() {
+            return Ok(());
+        }
+        let (count, began) = (self.comebacks.len(), machine::now());
         let mut done = 0;
         if !self.vitals.is_recovered() {
             // Seqs that anybody is told from here on are never given out again, nor is the time
@@ -124,14 +127,14 @@ impl Engine {
                 self.is_back(session);
             }
             if count > 1 || !self.vitals.is_recovered() {
-                info!("{done} of {count} sessions are back after {:.1?}", began.elapsed());
+                info!("{done} of {count} sessions are back after {:.1?}", machine::since(began));
             }
         }
         if !self.vitals.recovered.load(Ordering::Relaxed) {
-            self.vitals.store.recovered(began.elapsed());
+            self.vitals.store.recovered(machine::since(began));
             self.vitals.recovered.store(true, Ordering::Release);
             // That was no lag: nobody's time passed.
-            self.next_beat = Instant::now();
+            self.next_beat = machine::now();
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The simulations of the world, and which of them want to be in the coming frames.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::session::simulation::Simulation;
 
@@ -8,7 +8,7 @@ use crate::session::simulation::Simulation;
 #[derive(Debug, Default)]
 pub(super) struct Simulations {
     /// Place of each one.
-    places: HashMap<u64, usize>,
+    places: BTreeMap<u64, usize>,
     /// Boxed, so that a place costs little.
     all: Vec<Option<Box<Simulation>>>,
     free: BTreeSet<usize>,

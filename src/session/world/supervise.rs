@@ -4,15 +4,15 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tracing::{error, info, warn};
 
+use crate::machine;
 use crate::session::error::SessionError;
 use crate::session::message::Message;
 
-use super::backoff::Backoff;
-use super::engine::Engine;
+use super::engine::{Engine, Silence};
 use super::revive::Revival;
 
 /// What comes of a failure.
@@ -29,26 +29,44 @@ enum Next {
 impl Engine {
     /// Runs until it is told to stop or nothing helps any more.
     pub(super) fn supervise(mut self) {
-        let mut backoff = Backoff::default();
         loop {
-            let why = match catch_unwind(AssertUnwindSafe(|| self.run())) {
-                Ok(Ok(())) => break,
-                Ok(Err(failure)) => {
-                    error!("{failure}");
-                    "the device has failed and is opened anew"
-                }
-                Err(_) => "the engine has failed and is started anew",
+            let idle = !self.busy && self.comebacks.is_empty();
+            let first = match if idle { self.wait(self.next_beat) } else { Err(Silence::Time) } {
+                Ok(message) => Some(message),
+                Err(Silence::Time) => None,
+                Err(Silence::Nobody) => break,
             };
-            error!("{why}");
-            match self.rebuild(why, &mut backoff) {
-                Next::GoOn => {}
-                Next::Stop => break,
-                Next::GiveUp => {
-                    self.give_up(backoff.failures());
-                    break;
-                }
+            if !self.go_on(first) {
+                break;
             }
         }
+        self.close();
+    }
+
+    /// Does what there is to do, and opens the device anew where that fails. False means that it was told to
+    /// stop or nothing helps any more.
+    pub(super) fn go_on(&mut self, first: Option<Message>) -> bool {
+        let why = match catch_unwind(AssertUnwindSafe(|| self.turn(first))) {
+            Ok(Ok(more)) => return more,
+            Ok(Err(failure)) => {
+                error!("{failure}");
+                "the device has failed and is opened anew"
+            }
+            Err(_) => "the engine has failed and is started anew",
+        };
+        error!("{why}");
+        match self.rebuild(why) {
+            Next::GoOn => true,
+            Next::Stop => false,
+            Next::GiveUp => {
+                self.give_up();
+                false
+            }
+        }
+    }
+
+    /// Saves what is to be saved, and refuses everything from then on.
+    pub(super) fn close(&mut self) {
         let ended = catch_unwind(AssertUnwindSafe(|| self.finish()));
         if ended.is_err() {
             error!("writing the last checkpoints panicked; the journal holds what they would");
@@ -59,7 +77,8 @@ impl Engine {
         self.journal.stop();
     }
 
-    fn give_up(&mut self, failures: u32) {
+    fn give_up(&mut self) {
+        let failures = self.backoff.failures();
         error!(
             "giving up after {failures} failures in a row: only a restart helps; what was acknowledged \
              is stored"
@@ -70,13 +89,13 @@ impl Engine {
 
     /// Opens a device, after a wait where that is not the first attempt, and sees to it that every
     /// session is brought back on it.
-    fn rebuild(&mut self, why: &str, backoff: &mut Backoff) -> Next {
-        let began = Instant::now();
+    fn rebuild(&mut self, why: &str) -> Next {
+        let began = machine::now();
         self.vitals.healthy.store(false, Ordering::Relaxed);
         self.refuse_everybody(why);
         loop {
-            let Some(wait) = backoff.next(self.now()) else { return Next::GiveUp };
-            if !self.wait(wait, why) {
+            let Some(wait) = self.backoff.next(machine::now()) else { return Next::GiveUp };
+            if !self.refuse_for(wait, why) {
                 return Next::Stop;
             }
             self.vitals.rebuilds.fetch_add(1, Ordering::Relaxed);
@@ -85,7 +104,7 @@ impl Engine {
                     // The old one is dropped here; what it says about that is nobody's business.
                     let old = std::mem::replace(&mut self.backend, backend);
                     let _ = catch_unwind(AssertUnwindSafe(|| drop(old)));
-                    info!("the device is open again after {:.1?}", began.elapsed());
+                    info!("the device is open again after {:.1?}", machine::since(began));
                     self.vitals.healthy.store(true, Ordering::Relaxed);
                     return Next::GoOn;
                 }
@@ -95,27 +114,19 @@ impl Engine {
         }
     }
 
-    /// The present time of the world's clock.
-    fn now(&self) -> Instant {
-        let _inside = self.clock.enter();
-        tokio::time::Instant::now().into_std()
-    }
-
     /// Lets some time pass. Whoever asks for something meanwhile is refused; false where that is to stop.
-    fn wait(&mut self, time: Duration, why: &str) -> bool {
+    fn refuse_for(&mut self, time: Duration, why: &str) -> bool {
         let why = SessionError::Unavailable(format!("{why}; try again"));
-        let deadline = self.now() + time;
-        while self.now() < deadline {
-            let inbox = &mut self.inbox;
-            let next = async { tokio::time::timeout_at(deadline.into(), inbox.recv()).await };
-            match self.clock.block_on(next) {
-                Ok(Some(Message::Stop(until))) => {
+        let deadline = machine::now() + time;
+        while machine::now() < deadline {
+            match self.wait(deadline) {
+                Ok(Message::Stop(until)) => {
                     self.stop = Some(until);
                     return false;
                 }
-                Ok(Some(message)) => message.refuse(&why),
-                Ok(None) => return false,
-                Err(_) => {}
+                Ok(message) => message.refuse(&why),
+                Err(Silence::Nobody) => return false,
+                Err(Silence::Time) => {}
             }
         }
         true
@@ -129,6 +140,7 @@ impl Engine {
         self.fallen.clear();
         self.slots = Default::default();
         self.checkpointing = None;
+        self.saving = false;
         self.reviving = false;
         for (session, stored) in self.give_up_all_waking(&why) {
             self.comebacks.insert(session.key, Revival::anew(session, stored));

@@ -8,6 +8,7 @@ use firn_engine::reserve::ask_for;
 use firn_protocol::Settings;
 use tracing::{debug, info, warn};
 
+use crate::machine;
 use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
@@ -42,7 +43,7 @@ impl Engine {
         }
         self.looked_after = self.frame;
         self.mark_some();
-        let now = Instant::now();
+        let now = machine::now();
         for _ in 0..MOST_ENDS {
             let Some(key) = self.ends.pop_due(now) else { break };
             self.end(key, now);
@@ -55,7 +56,7 @@ impl Engine {
     /// taken in a frame of its own before the next beat, so that no frame with cycles takes longer for it.
     /// Returns whether the coming frame is that one: a session in the middle of a run has it after that.
     pub(super) fn begin_checkpoint(&mut self) -> bool {
-        let now = Instant::now();
+        let now = machine::now();
         let free = self.checkpointing.is_none();
         while self.checkpointing.is_none()
             && self.journal.refusal().is_none()
@@ -70,7 +71,7 @@ impl Engine {
     /// Notes when a session is to be looked at next.
     pub(super) fn schedule(&mut self, key: u64) {
         let interval = self.checkpoint_interval;
-        let now = Instant::now();
+        let now = machine::now();
         if let Some(simulation) = self.simulations.get(&key) {
             let Settings { delete_after_s, idle_timeout_s, .. } = simulation.settings;
             let idle = simulation.session.idle_for();
@@ -122,13 +123,13 @@ impl Engine {
         }
         let tired = simulation.is_tired();
         let due = simulation.log.checkpoint_due(interval);
-        if !tired && due.is_none_or(|due| due > Instant::now()) {
+        if !tired && due.is_none_or(|due| due > machine::now()) {
             self.schedule(key);
             return;
         }
         if let Err(error) = ask_for(cell_bytes(&simulation.session.spec.grid)) {
             warn!(session = simulation.session.id, "no checkpoint for want of memory: {error}");
-            self.saves.set(key, Instant::now().checked_add(RETRY_CHECKPOINT));
+            self.saves.set(key, machine::now().checked_add(RETRY_CHECKPOINT));
             return;
         }
         simulation.catch_up(frame);

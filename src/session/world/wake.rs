@@ -6,6 +6,7 @@ use std::sync::Arc;
 use firn_engine::frame::EngineError;
 use tracing::debug;
 
+use crate::machine;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::Stored;
@@ -80,7 +81,7 @@ impl Engine {
     fn begin_to_wake(&mut self, session: Arc<Session>, stored: Stored, waiting: Vec<Message>) {
         debug!(session = session.id, "wakes");
         let (maker, woken, kept) = (self.backend.maker(), session.clone(), stored.clone());
-        self.clock.spawn_blocking(move || {
+        let read = move || {
             let decoded = caught(|| Decoded::new(&woken, &kept, maker)).unwrap_or_else(|| {
                 Err(SessionError::Internal("reading its checkpoint failed".to_owned()))
             });
@@ -88,7 +89,8 @@ impl Engine {
             let (key, generation) = (woken.key, kept.generation);
             // Where the world has ended, nobody waits for it.
             let _ = woken.world.blocking_send(Message::Woken { key, generation, decoded });
-        });
+        };
+        machine::aside(Box::new(read), |work| drop(self.clock.spawn_blocking(work)));
         self.waking.insert(session.key, Waking { session, stored, waiting });
     }
 

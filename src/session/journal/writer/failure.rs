@@ -1,10 +1,9 @@
 //! What happens where a commit fails: everybody in it is refused, what it held is undone, and the
 //! store is made whole once it can be written to again.
 
-use std::time::Instant;
-
 use tracing::{error, info};
 
+use crate::machine;
 use crate::session::journal::Record;
 use crate::session::journal::handle::{Feedback, lock, unstorable};
 use crate::session::journal::image::Submission;
@@ -21,7 +20,7 @@ impl Writer {
         if before.is_none_or(|before| gone(&before) != gone(failure)) {
             self.shared.vitals.set_healthy(false);
             error!("the store can't be written to: {failure}; changes are refused until it can");
-            self.next_attempt = Instant::now() + RETRY;
+            self.next_attempt = machine::now() + RETRY;
         }
         let (mut undo, mut refused) = (Vec::new(), Vec::new());
         let why = unstorable(failure);
@@ -57,10 +56,10 @@ impl Writer {
     /// Looks from time to time whether the store is where it was: what can't be found by the next start
     /// is not stored.
     pub(super) fn look(&mut self) {
-        if !self.durable || self.is_failed() || self.last_look.elapsed() < LOOK {
+        if !self.durable || self.is_failed() || machine::since(self.last_look) < LOOK {
             return;
         }
-        self.last_look = Instant::now();
+        self.last_look = machine::now();
         if let Err(failure) = self.store.check() {
             self.reject(Vec::new(), &failure);
         }
@@ -68,10 +67,10 @@ impl Writer {
 
     /// Writes anew what the store may hold wrongly, once it can be written to again.
     pub(super) fn heal(&mut self, at_once: bool) {
-        if !self.is_failed() || (Instant::now() < self.next_attempt && !at_once) {
+        if !self.is_failed() || (machine::now() < self.next_attempt && !at_once) {
             return;
         }
-        self.next_attempt = Instant::now() + RETRY;
+        self.next_attempt = machine::now() + RETRY;
         let mut writes = Vec::new();
         {
             let mut image = lock(&self.shared.image);

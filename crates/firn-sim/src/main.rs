@@ -1,0 +1,68 @@
+//! `firn-sim --seed N --steps M` runs the server's core under faults that a seed tells, and says what it came
+//! through. Where something was lost, done twice or told wrongly it says so, with the seed, and exits with 1.
+
+mod client;
+mod device;
+#[path = "../../../tests/durability/disk.rs"]
+mod disk;
+mod machine;
+mod model;
+mod report;
+mod simulation;
+mod viewer;
+
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use clap::Parser;
+
+use simulation::Simulation;
+
+/// Runs Firn under simulated faults.
+#[derive(Parser)]
+struct Arguments {
+    /// The first seed; one that the clock tells where none is given.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Seeds that are run, one after the other.
+    #[arg(long, default_value_t = 1)]
+    seeds: u64,
+    /// Steps of each.
+    #[arg(long, default_value_t = 20_000)]
+    steps: u64,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let first = arguments.seed.unwrap_or_else(fresh);
+    // Most panics are part of a simulation; the last one tells why it ended, where it did.
+    let last = Arc::new(Mutex::new(String::new()));
+    let told = last.clone();
+    std::panic::set_hook(Box::new(move |panic| {
+        *told.lock().unwrap_or_else(PoisonError::into_inner) = panic.to_string();
+    }));
+    let mut code = ExitCode::SUCCESS;
+    for seed in first..first + arguments.seeds {
+        let run = std::panic::catch_unwind(|| Simulation::run(seed, arguments.steps));
+        match run {
+            Ok((report, Ok(()))) => println!("seed {seed}: {report}"),
+            Ok((report, Err(why))) => {
+                println!("seed {seed}: {report}\nseed {seed}: VIOLATION: {why}");
+                code = ExitCode::FAILURE;
+            }
+            Err(_) => {
+                let last = last.lock().unwrap_or_else(PoisonError::into_inner);
+                println!("seed {seed}: VIOLATION: {last}");
+                code = ExitCode::FAILURE;
+            }
+        }
+    }
+    code
+}
+
+/// A seed that nobody has had.
+fn fresh() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    since.as_nanos() as u64 / 1000
+}
