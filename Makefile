@@ -35,11 +35,14 @@ viewer/dist/index.html: viewer/node_modules/.package-lock.json $(viewer_sources)
 # FIRN_SKIP_VIEWER_TESTS=1 leaves the TypeScript out: the client's tests, and the viewer's in Chromium.
 # The server that the tests were built with: `cargo build` has other features of dependencies, and would build most of them again.
 test-viewer: viewer clients/typescript/node_modules/.package-lock.json ## test the TypeScript client, and the viewer in Chromium
-	$(CARGO) test --locked --no-run
+	$(CARGO) test --locked --workspace --no-run
 	path="$$(scripts/node)" && export PATH="$$path:$$PATH" && set -x && \
 		(cd clients/typescript && npm run check && npm test) && (cd viewer && npm run check && npm test)
 
-run_tests = $(CARGO) $(if $(shell $(CARGO) nextest --version 2>/dev/null),nextest run --locked,test --locked --tests --no-fail-fast)
+run_tests = $(CARGO) $(if $(shell $(CARGO) nextest --version 2>/dev/null),nextest run --locked --workspace,test --locked --workspace --tests \
+	--no-fail-fast)
+
+simulation = $${CARGO_TARGET_DIR:-target}/debug/firn-sim
 
 # CONTRIBUTING.md has the budget of each part.
 # FIRN_SKIP_GPU_TESTS=1 leaves the GPU tests out, and with them the need for a driver.
@@ -53,8 +56,9 @@ ifneq ($(FIRN_SKIP_VIEWER_TESTS),1)
 	scripts/part viewer $(MAKE) --no-print-directory viewer
 endif
 	scripts/part lint $(MAKE) --no-print-directory lint
-	scripts/part build-tests $(CARGO) test --locked --no-run
+	scripts/part build-tests $(CARGO) test --locked --workspace --no-run
 	scripts/part tests $(run_tests)
+	scripts/part simulation $(simulation) --seeds 10 --steps 20000
 	scripts/part doc-tests $(CARGO) test --locked --doc
 	scripts/part fuzz-api scripts/fuzz-api 30
 	scripts/part lint-api scripts/lint-api
@@ -69,7 +73,9 @@ else
 endif
 	@scripts/part --end
 
-test-long: ## what takes too long for every day: 200 kills under load instead of 20
+test-long: ## what takes too long for every day: an hour of simulated faults, and 200 kills under load instead of 20
+	$(CARGO) test --locked --workspace --no-run
+	$(simulation) --seeds 4000 --steps 20000
 	FIRN_KILL_ROUNDS=200 $(CARGO) test --locked --test durability kill -- --nocapture
 
 fuzz-api: ## send a server what its OpenAPI document allows and what it doesn't, for two minutes
@@ -93,9 +99,9 @@ fmt: ## format the code
 
 lint: ## check format and lints, and that the documentation of the code has no broken links
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy --locked --all-targets -- -D warnings
+	$(CARGO) clippy --locked --workspace --all-targets -- -D warnings
 	$(CARGO) check --locked --quiet --package firn-snow --package firn-protocol
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked --no-deps --quiet
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked --workspace --no-deps --quiet
 
 openapi: ## write api/openapi.json anew from the handlers
 	$(CARGO) run --release --locked -- openapi > target/openapi.json
@@ -110,11 +116,11 @@ configuration: ## write the table of options in docs/operations.md anew
 		docs/operations.md
 
 test-python: ## test the Python client and the stream's published contract against the server
-	$(CARGO) test --locked --no-run
+	$(CARGO) test --locked --workspace --no-run
 	scripts/test-python
 
 test-unity: ## test the client for Unity, compiled by Mono
-	$(CARGO) test --locked --no-run
+	$(CARGO) test --locked --workspace --no-run
 	scripts/test-unity
 
 lint-deploy: ## check the Dockerfile, compose.yaml and deploy/ with the linters of their formats

@@ -23,6 +23,8 @@ pub enum Failing {
     ReadOnly,
     /// What was written is there, but nobody can say for how long.
     NoSync,
+    /// As before, for one sync.
+    NoSyncOnce,
     /// Whoever writes panics.
     Panic,
 }
@@ -127,7 +129,7 @@ impl Disk {
             Some(Failing::Full) => return Err(ErrorKind::StorageFull.into()),
             Some(Failing::ReadOnly) => return Err(ErrorKind::ReadOnlyFilesystem.into()),
             Some(Failing::Panic) => panic!("the disk has no manners"),
-            Some(Failing::NoSync) | None => {}
+            Some(Failing::NoSync | Failing::NoSyncOnce) | None => {}
         }
         let mut state = self.state();
         operation.apply(&mut state.bytes);
@@ -159,6 +161,7 @@ impl StorageBackend for Disk {
         std::thread::sleep(delay);
         let mut state = self.state();
         if state.failing.is_some() {
+            state.failing = state.failing.filter(|&failing| failing != Failing::NoSyncOnce);
             return Err(io::Error::other("the disk does not answer"));
         }
         let State { synced, unsynced, .. } = &mut *state;

@@ -32,7 +32,8 @@ const ROOMS: [&str; 23] = [
 ];
 
 /// The crates: each uses only those before it.
-const CRATES: [&str; 5] = ["firn-snow", "firn-protocol", "firn-engine", "firn-client", "firn"];
+const CRATES: [&str; 6] =
+    ["firn-snow", "firn-protocol", "firn-engine", "firn-client", "firn", "firn-sim"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))

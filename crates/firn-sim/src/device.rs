@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use firn::machine;
 use firn::session::OpenBackend;
 use firn_engine::cpu::CpuBackend;
 use firn_engine::frame::{Backend, DeviceInfo, EngineError, Frame, Outcome, Slot};
@@ -57,7 +58,7 @@ impl Switches {
                 return Err(EngineError::DeviceFailed("it is not there".to_owned()));
             }
             let device = CpuBackend::new(None, false);
-            Ok(Box::new(Device { device, switches: switches.clone() }) as _)
+            Ok(Box::new(Device { device, switches: switches.clone(), frames: 0 }) as _)
         })
     }
 }
@@ -65,7 +66,17 @@ impl Switches {
 struct Device {
     device: CpuBackend,
     switches: Switches,
+    frames: u64,
 }
+
+/// Every how many frames others work while the device does: the journal may fail in the middle of one.
+const OTHERS_WORK: u64 = 3;
+
+/// Every how many frames the device takes long: the journal may fail and be whole again in the middle of one.
+const LONG: u64 = 17;
+
+/// How long, in turns of the others.
+const TURNS: usize = 80;
 
 impl Backend for Device {
     fn device(&self) -> &DeviceInfo {
@@ -97,6 +108,13 @@ impl Backend for Device {
     }
 
     fn poll(&mut self, patience: Duration) -> Result<Option<Outcome>, EngineError> {
+        self.frames += 1;
+        if self.frames.is_multiple_of(OTHERS_WORK) {
+            machine::pass();
+        }
+        if self.frames.is_multiple_of(LONG) {
+            (0..TURNS).for_each(|_| machine::pass());
+        }
         let mut outcome = self.device.poll(patience)?;
         if let Some(outcome) = &mut outcome {
             // The same on every machine.

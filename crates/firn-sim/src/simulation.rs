@@ -158,9 +158,16 @@ impl Simulation {
                 self.device.set_absent(true);
             }
             38..52 => {
-                let ways = [Failing::Full, Failing::ReadOnly, Failing::NoSync, Failing::Panic];
+                let ways = [
+                    Failing::Full,
+                    Failing::ReadOnly,
+                    Failing::NoSync,
+                    Failing::NoSyncOnce,
+                    Failing::NoSyncOnce,
+                    Failing::Panic,
+                ];
                 self.report.fault("disk");
-                self.disk.fail(Some(ways[self.dice.random_range(0..4)]));
+                self.disk.fail(Some(ways[self.dice.random_range(0..ways.len())]));
             }
             52..70 => self.disk.fail(None),
             70..80 if !self.waiting.is_empty() => {
