@@ -90,6 +90,7 @@ impl Disk {
     }
 
     /// Makes it take some time for every sync from now on.
+    #[allow(dead_code, reason = "a simulation has other ways to let time pass")]
     pub fn slow_down(&self, delay: Duration) {
         self.state().delay = delay;
     }
@@ -119,6 +120,7 @@ impl Disk {
     }
 
     /// A hash of all that was done to it.
+    #[allow(dead_code, reason = "only in a simulation is it the same twice")]
     pub fn fingerprint(&self) -> u64 {
         self.state().fingerprint.finish()
     }

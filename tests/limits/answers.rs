@@ -39,9 +39,10 @@ async fn answers_that_nobody_takes_stay_within_their_budget() {
         silent.push(ask(&server, &format!("GET {path}/heights"), "").await);
     }
     until("the budget is used", async || reached(&server, "max-unsent").await > 0).await;
-    let held = server.app.answers.unsent.held();
-    assert!(held >= BUDGET / 4, "{held}");
-    assert_eq!(metric(&server, "firn_unsent_bytes").await, held);
+    assert!(server.app.answers.unsent.held() >= BUDGET / 4);
+    // The sockets may still be taking some of it.
+    let told = async || metric(&server, "firn_unsent_bytes").await;
+    until("it is told", async || told().await == server.app.answers.unsent.held()).await;
     // Small answers need no room, large ones are refused.
     server.get(&format!("{path}/heights?width=8&depth=8")).await.expect(200);
     let mut refused = server.get(&format!("{path}/heights")).await;
@@ -107,9 +108,17 @@ async fn streams_that_nobody_reads_stay_within_the_budget() {
         silent.push(stream);
     }
     let unsent = &server.app.answers.unsent;
-    until("messages wait", async || unsent.held() > BUDGET / 4).await;
+    let fall = async || {
+        server.post(&format!("{path}/snowfalls"), json!({"depth": 0.01})).await.expect(200)
+    };
+    // The sockets take much before anything waits.
+    until("messages wait", async || {
+        fall().await;
+        unsent.held() > BUDGET / 4
+    })
+    .await;
     for _ in 0..50 {
-        server.post(&format!("{path}/snowfalls"), json!({"depth": 0.01})).await.expect(200);
+        fall().await;
     }
     drop(silent);
     until("it is given back", async || unsent.held() == 0).await;

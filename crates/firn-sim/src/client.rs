@@ -32,19 +32,18 @@ impl Request {
     }
 
     /// Sends it, or looks for its answer.
-    pub fn poll(&mut self, sessions: &Sessions, spec: &SessionSpec) -> Option<Fate> {
+    pub fn poll(
+        &mut self,
+        sessions: &Sessions,
+        spec: &SessionSpec,
+    ) -> Option<Result<(), SessionError>> {
         let answer = self.answer.get_or_insert_with(|| {
             let id = self.session.clone();
             send(sessions.clone(), id, self.operation.clone(), self.once.clone(), spec.clone())
         });
         match answer.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
             Poll::Pending => None,
-            Poll::Ready(answer) => {
-                if std::env::var_os("FIRN_SIM_TELL").is_some() {
-                    println!("{} {:?}: {answer:?}", self.session, self.operation);
-                }
-                Some(fate(&answer))
-            }
+            Poll::Ready(answer) => Some(answer),
         }
     }
 
@@ -55,7 +54,7 @@ impl Request {
 }
 
 /// What an answer says of what was asked.
-fn fate(answer: &Result<(), SessionError>) -> Fate {
+pub fn fate(answer: &Result<(), SessionError>) -> Fate {
     match answer {
         Ok(()) => Fate::Done,
         Err(SessionError::Internal(_)) => Fate::Unknown,

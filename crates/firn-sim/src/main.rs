@@ -31,6 +31,9 @@ struct Arguments {
     /// Steps of each.
     #[arg(long, default_value_t = 20_000)]
     steps: u64,
+    /// Tell what clients are answered.
+    #[arg(long)]
+    tell: bool,
 }
 
 fn main() -> ExitCode {
@@ -44,7 +47,8 @@ fn main() -> ExitCode {
     }));
     let mut code = ExitCode::SUCCESS;
     for seed in first..first + arguments.seeds {
-        let run = std::panic::catch_unwind(|| Simulation::run(seed, arguments.steps));
+        let run =
+            std::panic::catch_unwind(|| Simulation::run(seed, arguments.steps, arguments.tell));
         match run {
             Ok((report, Ok(()))) => println!("seed {seed}: {report}"),
             Ok((report, Err(why))) => {

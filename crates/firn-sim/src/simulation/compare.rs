@@ -1,0 +1,179 @@
+//! Everything is healed, everybody has to get an answer, and what is there has to be what was told.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use firn::session::{Change, ManualJournal, SessionError, Sessions};
+use firn_protocol::{SettingsPatch, StepSpec};
+
+use crate::client::{self, wait_for};
+use crate::model::State;
+
+use super::{NAMES, Simulation};
+
+impl Simulation {
+    /// Lets everything work.
+    fn round(&mut self) -> Result<(), String> {
+        self.machine.advance(Duration::from_millis(17));
+        self.turn()?;
+        self.machine.work();
+        self.journal(ManualJournal::pack);
+        self.journal(ManualJournal::commit);
+        Ok(())
+    }
+
+    /// Has nothing fail any more, waits until everybody has an answer, and compares what is there with what
+    /// was told.
+    pub(super) fn compare(&mut self) -> Result<(), String> {
+        self.report.checks += 1;
+        self.disk.fail(None);
+        self.device.heal();
+        let mut rounds = 0;
+        while !self.is_calm() {
+            rounds += 1;
+            if rounds > 4000 {
+                let waiting: Vec<_> =
+                    self.waiting.iter().map(|it| (&it.session, &it.operation)).collect();
+                return Err(format!("somebody waits for ever: {waiting:?}"));
+            }
+            self.round()?;
+            let mut place = 0;
+            while place < self.waiting.len() {
+                place += usize::from(!self.poll_one(place));
+            }
+        }
+        for name in NAMES {
+            self.compare_session(name)?;
+        }
+        for viewer in &mut self.viewers {
+            viewer.check().map_err(|why| format!("session '{}': {why}", viewer.session()))?;
+        }
+        self.compare_twin()?;
+        for name in NAMES {
+            if self.models[name].found().is_some_and(|state| !state.paused) {
+                self.set_paused(name, false)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn is_calm(&self) -> bool {
+        let Some(life) = &self.life else { return false };
+        let vitals = life.sessions.vitals();
+        self.waiting.is_empty() && vitals.is_recovered() && vitals.store.is_healthy()
+    }
+
+    /// Carries out something to its end.
+    fn wait<T>(
+        &mut self,
+        what: &str,
+        ask: impl AsyncFnOnce(Sessions) -> Result<T, SessionError>,
+    ) -> Result<Result<T, SessionError>, String> {
+        let Some(life) = &self.life else { return Err("there is no server".to_owned()) };
+        let sessions = life.sessions.clone();
+        let mut failed = Ok(());
+        let answer = wait_for(what, ask(sessions), || {
+            if let Err(why) = self.round() {
+                failed = Err(why);
+            }
+        });
+        failed?;
+        answer
+    }
+
+    fn compare_session(&mut self, name: &'static str) -> Result<(), String> {
+        let grid = self.models[name].spec.grid;
+        let look = async |sessions: Sessions| {
+            let session = sessions.get(name)?;
+            // Reads may overtake changes of which nobody waits for the end.
+            session.change(Change::Settings(SettingsPatch::default())).await?;
+            let mass = session.mass().await?;
+            Ok((session.view(), mass, session.mirror().colliders.clone()))
+        };
+        let found = match self
+            .wait("masses", look)
+            .map_err(|why| format!("session '{name}': {why}"))?
+        {
+            Ok((view, mass, objects)) => {
+                if mass.imbalance_quanta != 0 {
+                    return Err(format!("session '{name}' is out of balance: {mass:?}"));
+                }
+                let fallen = (mass.fallen / grid.kilograms(1)).round() as u128;
+                let objects = objects.iter();
+                Some(State {
+                    fallen,
+                    air: view.settings.air_temperature as i32,
+                    paused: view.settings.paused,
+                    objects: objects
+                        .map(|object| (object.id.parse().unwrap_or(u8::MAX), object.mass as u32))
+                        .collect(),
+                })
+            }
+            Err(SessionError::NotFound { .. }) => None,
+            Err(why) => return Err(format!("session '{name}' can't be read: {why}")),
+        };
+        let model = self.models.get_mut(name).expect("each has one");
+        model.find(found).map_err(|why| format!("session '{name}': {why}"))
+    }
+
+    fn set_paused(&mut self, name: &'static str, paused: bool) -> Result<(), String> {
+        let patch = SettingsPatch { paused: Some(paused), ..SettingsPatch::default() };
+        let pause =
+            async |sessions: Sessions| sessions.get(name)?.change(Change::Settings(patch)).await;
+        let answer = self.wait("a pause", pause)?;
+        answer.map(drop).map_err(|why| format!("session '{name}' can't be paused: {why}"))
+    }
+
+    /// Compares with what another server makes of a copy of the disk.
+    fn compare_twin(&mut self) -> Result<(), String> {
+        let mut digests = BTreeMap::new();
+        for name in NAMES {
+            if self.models[name].found().is_none() {
+                continue;
+            }
+            self.set_paused(name, true)?;
+            let digest = self.wait("a snapshot", async |sessions: Sessions| {
+                let session = sessions.get(name)?;
+                let digest = session.snapshot().await?.digest()?;
+                Ok((session.view().tick, digest))
+            })?;
+            digests.insert(name, digest.map_err(|why| format!("session '{name}': {why}"))?);
+        }
+        for _ in 0..20 {
+            self.round()?;
+        }
+        let copy = self.disk.cut(0);
+        let ours = (self.disk.clone(), self.life.take(), self.machine.journal().take());
+        self.disk = copy;
+        self.start()?;
+        for (name, (tick, digest)) in &digests {
+            let theirs = self.wait("a twin", async |sessions: Sessions| {
+                let session = loop {
+                    match sessions.get(name) {
+                        Err(SessionError::Unavailable(_)) => client::later().await,
+                        other => break other?,
+                    }
+                };
+                let behind = tick.saturating_sub(session.view().tick);
+                if behind > 0 {
+                    session.step(StepSpec { ticks: Some(behind), ..StepSpec::default() }).await?;
+                }
+                let digest = session.snapshot().await?.digest()?;
+                Ok((session.view().tick, digest))
+            })?;
+            let theirs = theirs.map_err(|why| format!("session '{name}' of a twin: {why}"))?;
+            if theirs != (*tick, digest.clone()) {
+                return Err(format!(
+                    "session '{name}' has come to {:?}, and another server to {theirs:?}",
+                    (tick, digest)
+                ));
+            }
+        }
+        drop(self.life.take());
+        self.machine.journal().take();
+        let (disk, life, journal) = ours;
+        (self.disk, self.life) = (disk, life);
+        self.machine.journal().replace(journal);
+        Ok(())
+    }
+}

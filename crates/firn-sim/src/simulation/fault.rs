@@ -1,0 +1,85 @@
+//! What may fail.
+
+use std::time::Duration;
+
+use rand::Rng;
+
+use crate::client::Request;
+use crate::disk::Failing;
+use crate::model::Operation;
+
+use super::Simulation;
+
+impl Simulation {
+    /// Draws what fails.
+    pub(super) fn fault(&mut self) -> Result<(), String> {
+        match self.dice.random_range(0..100) {
+            0..8 => {
+                self.report.fault("device lost");
+                self.device.lose();
+            }
+            8..12 => {
+                self.report.fault("panic");
+                self.device.panic();
+            }
+            12..18 => {
+                self.report.fault("device full");
+                self.device.set_full(true);
+            }
+            18..34 => self.device.heal(),
+            34..38 => {
+                self.report.fault("device absent");
+                self.device.set_absent(true);
+            }
+            38..52 => {
+                let ways = [
+                    Failing::Full,
+                    Failing::ReadOnly,
+                    Failing::NoSync,
+                    Failing::NoSyncOnce,
+                    Failing::NoSyncOnce,
+                    Failing::Panic,
+                ];
+                self.report.fault("disk");
+                self.disk.fail(Some(ways[self.dice.random_range(0..ways.len())]));
+            }
+            52..70 => self.disk.fail(None),
+            70..80 if !self.waiting.is_empty() => {
+                let place = self.dice.random_range(0..self.waiting.len());
+                // HTTP carries these out to their end, whoever has gone away; who asks again waits for that.
+                let Request { operation, once, .. } = &self.waiting[place];
+                let kept =
+                    once.is_some() || matches!(operation, Operation::Create | Operation::Delete);
+                if !kept {
+                    self.report.fault("request abandoned");
+                    self.give_up(place);
+                }
+            }
+            80..86 => {
+                self.report.fault("connection lost");
+                let place = self.dice.random_range(0..self.viewers.len());
+                self.viewers[place].cut();
+            }
+            86..89 => {
+                self.report.fault("clock set");
+                let ahead = self.dice.random_range(-100_000_000..100_000_000);
+                self.machine.set_date(ahead);
+            }
+            89..92 => {
+                self.report.fault("machine stalled");
+                let seconds = self.dice.random_range(1..100);
+                self.machine.advance(Duration::from_secs(seconds));
+            }
+            92..98 => {
+                self.report.fault("crash");
+                self.crash()?;
+            }
+            98..100 => {
+                self.report.fault("stop");
+                self.stop()?;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
