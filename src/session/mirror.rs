@@ -57,6 +57,7 @@ impl Sums {
     const BARE: Sums = Sums { sum: 0, least: 0, greatest: 0 };
 
     /// Over the columns of a tile that are part of the grid.
+    #[inline]
     fn of(grid: &Grid, tile: u32, heights: &TileColumns) -> Sums {
         let rect = grid.tile_rect(tile);
         let all = (rect.z0..rect.z1).flat_map(|z| (rect.x0..rect.x1).map(move |x| (x, z)));
@@ -65,6 +66,7 @@ impl Sums {
         })
     }
 
+    #[inline]
     fn and(self, other: Sums) -> Sums {
         Sums {
             sum: self.sum + other.sum,
@@ -147,11 +149,13 @@ impl Mirror {
     }
 
     /// Heights of a tile's columns, and the `seq` at which one last changed.
+    #[inline]
     pub fn tile(&self, tile: u32) -> (&TileColumns, u64) {
         (&self.tiles[tile as usize], self.versions[tile as usize])
     }
 
     /// Snow depth of a column, in thickness quanta.
+    #[inline]
     pub fn height(&self, x: u32, z: u32) -> u32 {
         let (tile, column) = self.grid.locate(x, z);
         self.tiles[tile as usize][column as usize]

@@ -15,10 +15,12 @@ pub type TileColumns = [u32; TILE_COLUMNS as usize];
 /// Packed heights, wherever they lie.
 pub trait Packed: Debug + Send + Sync {
     /// The heights of one tile after another.
+    #[inline]
     fn heights(&self) -> &[TileColumns];
 }
 
 impl Packed for Vec<TileColumns> {
+    #[inline]
     fn heights(&self) -> &[TileColumns] {
         self
     }
@@ -71,11 +73,13 @@ impl Published {
     }
 
     /// Tiles that changed.
+    #[inline]
     pub fn count(&self) -> u32 {
         self.groups.iter().map(|group| group.changed.count_ones()).sum()
     }
 
     /// The changed ones among some numbers, counted from the first of these, with their heights.
+    #[inline]
     pub fn tiles(&self, numbers: Range<u32>) -> impl Iterator<Item = (u32, &TileColumns)> {
         let (heights, first) = (self.heights.heights(), numbers.start);
         (numbers.start / GROUP..numbers.end.div_ceil(GROUP))

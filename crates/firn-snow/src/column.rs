@@ -58,6 +58,7 @@ struct Fall {
 
 impl Fall {
     /// Takes off a piece of a thickness, and returns its mass.
+    #[inline]
     fn take(&mut self, thickness: u32) -> u32 {
         let mass = if thickness == self.depth {
             self.mass
@@ -73,11 +74,13 @@ impl Fall {
 
 impl Column {
     /// Height in thickness quanta.
+    #[inline]
     pub fn height(&self) -> u32 {
         self.cells.iter().map(|cell| cell.thickness).sum()
     }
 
     /// Areal mass in quanta.
+    #[inline]
     pub fn mass(&self) -> u32 {
         self.cells.iter().map(|cell| cell.mass).sum()
     }
@@ -158,6 +161,7 @@ impl Column {
 
     /// Evaluates the stress of every cell from the snow above it and the loads on the surface;
     /// returns whether any bit of it has changed.
+    #[inline]
     pub fn stress(&mut self, grid: &Grid, material: &Material, loads: &[SurfaceLoad]) -> bool {
         let metres = grid.cell_size as f32 / CELL as f32;
         let (mut mass, mut above) = (0_u32, 0_u32);
@@ -180,6 +184,7 @@ impl Column {
 
     /// Runs a number of cycles of `dt` seconds each under the present stress; returns 1 + the
     /// index of the last cycle in which a cell changed, 0 where none did.
+    #[inline]
     pub fn compact(&mut self, grid: &Grid, material: &Material, cycles: u32, dt: f32) -> u32 {
         let law = Compaction::new(grid, material, dt);
         self.cells.iter_mut().map(|cell| law.run(cell, cycles)).max().unwrap_or(0)
@@ -187,11 +192,13 @@ impl Column {
 }
 
 /// Temperature of snow to which other snow is added; the two have mass between them.
+#[inline]
 pub(super) fn mixed(temperature: f32, mass: u32, other: f32, added: u32) -> f32 {
     temperature + (other - temperature) * (added as f32 / (mass as f32 + added as f32))
 }
 
 /// Part of a surface load that is felt at a depth \[m\], for a load of a width \[m\].
+#[inline]
 fn spread(distribution: LoadDistribution, depth: f32, width: f32, top: bool) -> f32 {
     match distribution {
         LoadDistribution::TwoToOne => {
@@ -216,6 +223,7 @@ pub(super) struct Compaction<'a> {
 }
 
 impl Compaction<'_> {
+    #[inline]
     pub(super) fn new<'a>(grid: &Grid, material: &'a Material, dt: f32) -> Compaction<'a> {
         // Quanta of thickness are 2⁶ times as fine as those of mass.
         let density = 64.0 / grid.cell_size;
@@ -229,6 +237,7 @@ impl Compaction<'_> {
 
     /// Compacts a cell for a number of cycles; returns how many of them changed it. Stress is
     /// constant, so a cell that one cycle leaves as it was is left so by all that follow.
+    #[inline]
     fn run(&self, cell: &mut Cell, cycles: u32) -> u32 {
         let mass = cell.mass as f32;
         let densest = (mass * self.densest).ceil() as u32;
@@ -245,6 +254,7 @@ impl Compaction<'_> {
     }
 
     /// Indent of one cycle in thickness quanta, rounded down.
+    #[inline]
     pub(super) fn indent(&self, cell: &Cell, mass: f32) -> u32 {
         let thickness = cell.thickness as f32;
         let density = mass / thickness * self.density;

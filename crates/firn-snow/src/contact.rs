@@ -9,6 +9,7 @@ pub const CONTACT_DEPTH: u32 = (CELL / 2 + 10) / 20;
 
 /// Elevation of a column's surface in units of h·2⁻²³, half the resolution of thickness, so that
 /// the highest terrain and the deepest snow fit 32 bits together.
+#[inline]
 pub fn elevation(ground: u32, height: u32) -> u32 {
     ground + (height >> 1)
 }
@@ -50,6 +51,7 @@ pub struct Contact {
 
 impl Contact {
     /// Evaluates contact over the columns' elevations.
+    #[inline]
     pub fn evaluate(
         footprint: &Footprint,
         mass: f64,
@@ -64,6 +66,7 @@ impl Contact {
     }
 
     /// How high and on how much it stands.
+    #[inline]
     pub fn footing(&self) -> Footing {
         Footing { bottom: self.bottom, support: self.support }
     }
@@ -71,11 +74,13 @@ impl Contact {
 
 /// A column's share s of contact in units of 1/`CONTACT_DEPTH`: 1 at the bottom's level, 0 from δ
 /// below it.
+#[inline]
 pub fn share_units(bottom: u32, elevation: u32) -> u32 {
     CONTACT_DEPTH.saturating_sub(bottom - elevation)
 }
 
 /// A column's share s of contact, from 0 to 1.
+#[inline]
 pub fn share(bottom: u32, elevation: u32) -> f32 {
     share_units(bottom, elevation) as f32 / CONTACT_DEPTH as f32
 }

@@ -131,6 +131,7 @@ impl Footprint {
     }
 
     /// Every column (x, z), row by row.
+    #[inline]
     pub fn iter(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
         self.spans.iter().zip(self.z0..).flat_map(|(&(x0, x1), z)| (x0..x1).map(move |x| (x, z)))
     }

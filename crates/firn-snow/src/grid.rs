@@ -59,16 +59,19 @@ pub struct ColumnRect {
 
 impl ColumnRect {
     /// Number of columns.
+    #[inline]
     pub fn columns(&self) -> u64 {
         u64::from(self.x1 - self.x0) * u64::from(self.z1 - self.z0)
     }
 
     /// Whether column (x, z) is inside.
+    #[inline]
     pub fn contains(&self, x: u32, z: u32) -> bool {
         (self.x0..self.x1).contains(&x) && (self.z0..self.z1).contains(&z)
     }
 
     /// The tiles that the rectangle meets, as a rectangle of tile coordinates.
+    #[inline]
     pub fn tiles(&self) -> ColumnRect {
         ColumnRect {
             x0: self.x0 / TILE_SIDE,
@@ -81,42 +84,50 @@ impl ColumnRect {
 
 impl Grid {
     /// Columns in the grid.
+    #[inline]
     pub fn columns(&self) -> u64 {
         u64::from(self.width) * u64::from(self.depth)
     }
 
     /// Columns of all tiles, those beyond the edges of the grid too: memory is taken for whole tiles.
+    #[inline]
     pub fn padded_columns(&self) -> u64 {
         let tiles = u64::from(self.tiles_x()) * u64::from(self.tiles_z());
         tiles.saturating_mul(TILE_COLUMNS.into())
     }
 
     /// Slots in those columns.
+    #[inline]
     pub fn padded_cells(&self) -> u64 {
         self.padded_columns().saturating_mul(self.height.into())
     }
 
     /// Tiles along x.
+    #[inline]
     pub fn tiles_x(&self) -> u32 {
         self.width.div_ceil(TILE_SIDE)
     }
 
     /// Tiles along z.
+    #[inline]
     pub fn tiles_z(&self) -> u32 {
         self.depth.div_ceil(TILE_SIDE)
     }
 
     /// Tiles in the grid, those at the far edges only partly covered.
+    #[inline]
     pub fn tiles(&self) -> u32 {
         self.tiles_x() * self.tiles_z()
     }
 
     /// Every column.
+    #[inline]
     pub fn all(&self) -> ColumnRect {
         ColumnRect { x0: 0, z0: 0, x1: self.width, z1: self.depth }
     }
 
     /// The columns of a tile that lie inside the grid.
+    #[inline]
     pub fn tile_rect(&self, tile: u32) -> ColumnRect {
         let (x0, z0) = (tile % self.tiles_x() * TILE_SIDE, tile / self.tiles_x() * TILE_SIDE);
         ColumnRect {
@@ -128,27 +139,32 @@ impl Grid {
     }
 
     /// Tile that holds column (x, z), and the column's index in it.
+    #[inline]
     pub fn locate(&self, x: u32, z: u32) -> (u32, u32) {
         let tile = z / TILE_SIDE * self.tiles_x() + x / TILE_SIDE;
         (tile, z % TILE_SIDE * TILE_SIDE + x % TILE_SIDE)
     }
 
     /// Area of one column \[m²\].
+    #[inline]
     pub fn column_area(&self) -> f64 {
         self.cell_size * self.cell_size
     }
 
     /// Thickness in metres of a number of quanta.
+    #[inline]
     pub fn metres(&self, quanta: u64) -> f64 {
         quanta as f64 * self.cell_size / f64::from(CELL)
     }
 
     /// Metres to the nearest number of thickness quanta; negative lengths become 0.
+    #[inline]
     pub fn thickness_quanta(&self, metres: f64) -> u64 {
         (metres / self.cell_size * f64::from(CELL)).round() as u64
     }
 
     /// Mass in kg of a number of quanta summed over columns.
+    #[inline]
     pub fn kilograms(&self, quanta: u128) -> f64 {
         quanta as f64 / MASS_QUANTA * self.column_area()
     }

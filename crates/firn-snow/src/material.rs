@@ -79,6 +79,7 @@ impl Material {
     /// Hardness \[Pa\] of snow of a density \[kg/m³\] and temperature \[°C\]; never negative.
     ///
     /// `shaders/shared/material.wgsl` computes the same in the same order.
+    #[inline]
     pub fn hardness(&self, density: f32, temperature: f32) -> f32 {
         match self.hardness_law {
             HardnessLaw::Calibrated => {
@@ -95,17 +96,20 @@ impl Material {
     }
 
     /// Stiffness k = ρⁿ \[Pa/m\] of snow of a density \[kg/m³\].
+    #[inline]
     pub fn stiffness(&self, density: f32) -> f32 {
         density.powf(self.stiffness_exponent as f32)
     }
 }
 
 /// Gold's hardness \[Pa\] of snow of 20 kg/m³ at −3 °C with grains of a size \[mm\].
+#[inline]
 pub fn gold_prefactor(grain_size_mm: f64) -> f32 {
     (367.72 * (-0.340 * (grain_size_mm - 0.5)).exp()) as f32
 }
 
 /// The regression polynomial of Barakhtanov et al. with its two disputed cubic coefficients.
+#[inline]
 fn polynomial(r: f32, t: f32, a: f32, b: f32) -> f32 {
     let value = -0.165_99 + 0.542_153 * r - 0.089_25 * t + 0.447_667 * r * r + 0.159_256 * r * t
         - 0.013_36 * t * t
@@ -118,6 +122,7 @@ fn polynomial(r: f32, t: f32, a: f32, b: f32) -> f32 {
 
 /// T*(ρ): the temperature \[°C\] below which the calibrated polynomial would soften again, the
 /// smaller root of its derivative by temperature.
+#[inline]
 fn coldest_stiffening(r: f32) -> f32 {
     let a = 3.0 * 0.260_723;
     let b = 2.0 * (0.022_601 * r - 0.013_36);

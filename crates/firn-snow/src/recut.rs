@@ -43,6 +43,7 @@ struct Source {
 }
 
 impl Source {
+    #[inline]
     fn new(below: Option<Cell>, cell: Cell, above: Option<Cell>) -> Source {
         let (mut density_slope, mut temperature_slope) = (0.0, 0.0);
         if let (Some(below), Some(above)) = (below, above) {
@@ -53,6 +54,7 @@ impl Source {
     }
 
     /// Moves a piece into a new cell: as much as the cell has room for.
+    #[inline]
     fn pour(&mut self, new: &mut Cell) {
         let left = self.cell.thickness - self.taken_thickness;
         let piece = left.min(CELL - new.thickness);
@@ -75,6 +77,7 @@ impl Source {
     }
 
     /// Mass of the next piece of a thickness, with density linear over height.
+    #[inline]
     fn mass_of(&self, piece: u32) -> u32 {
         let thickness = self.cell.thickness as f32;
         let u0 = self.taken_thickness as f32 / thickness;
@@ -85,6 +88,7 @@ impl Source {
     }
 
     /// Mean temperature of the next piece of a mass, with temperature linear over mass.
+    #[inline]
     fn temperature_of(&self, mass: u32) -> f32 {
         let whole = self.cell.mass as f32;
         let w0 = self.taken_mass as f32 / whole;
@@ -94,11 +98,13 @@ impl Source {
 }
 
 /// Density in mass quanta per thickness quantum.
+#[inline]
 fn density(cell: Cell) -> f32 {
     cell.mass as f32 / cell.thickness as f32
 }
 
 /// The van Leer slope of a value between its neighbours.
+#[inline]
 fn van_leer(below: f32, value: f32, above: f32) -> f32 {
     let (lower, upper) = (value - below, above - value);
     if lower * upper > 0.0 { 2.0 * lower * upper / (lower + upper) } else { 0.0 }

@@ -63,6 +63,7 @@ impl Tile {
     }
 
     /// Elevation of a column's surface in elevation units.
+    #[inline]
     pub fn elevation(&self, column: usize) -> u32 {
         elevation(self.ground[column], self.heights[column])
     }
@@ -90,6 +91,7 @@ impl Tile {
     }
 
     /// Evaluates stresses, and wakes the tile where one has changed.
+    #[inline]
     pub fn stress(&mut self, grid: &Grid, material: &Material, colliders: &[&Collider]) {
         let mut loads = Vec::with_capacity(self.loads.len());
         for (x, z) in positions(self.rect) {
@@ -108,6 +110,7 @@ impl Tile {
     }
 
     /// Cells in all columns.
+    #[inline]
     pub fn cells(&self) -> u64 {
         self.columns.iter().map(|column| column.cells.len() as u64).sum()
     }
@@ -131,6 +134,7 @@ impl Tile {
 
     /// Compacts every column; returns 1 + the index of the last cycle in which a cell changed, and
     /// goes to sleep where that was not the very last one.
+    #[inline]
     fn compact(&mut self, grid: &Grid, material: &Material, cycles: u32, dt: f32) -> u32 {
         let mut last = 0;
         for (column, height) in self.columns.iter_mut().zip(&mut self.heights) {
@@ -147,16 +151,19 @@ impl Tile {
 }
 
 /// Every column (x, z) of a rectangle, row by row.
+#[inline]
 fn positions(rect: ColumnRect) -> impl Iterator<Item = (u32, u32)> {
     (rect.z0..rect.z1).flat_map(move |z| (rect.x0..rect.x1).map(move |x| (x, z)))
 }
 
 /// Index of column (x, z) in its tile.
+#[inline]
 fn column_index(x: u32, z: u32) -> usize {
     (z % TILE_SIDE * TILE_SIDE + x % TILE_SIDE) as usize
 }
 
 /// Whether a footprint covers column (x, z).
+#[inline]
 fn covers(footprint: &Footprint, x: u32, z: u32) -> bool {
     let row = z.checked_sub(footprint.z0).and_then(|row| footprint.spans.get(row as usize));
     row.is_some_and(|&(x0, x1)| (x0..x1).contains(&x))
