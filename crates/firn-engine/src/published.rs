@@ -15,7 +15,6 @@ pub type TileColumns = [u32; TILE_COLUMNS as usize];
 /// Packed heights, wherever they lie.
 pub trait Packed: Debug + Send + Sync {
     /// The heights of one tile after another.
-    #[inline]
     fn heights(&self) -> &[TileColumns];
 }
 
