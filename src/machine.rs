@@ -30,6 +30,7 @@ pub trait Simulated {
     fn pass(&self);
 }
 
+// Of one thread: what others do, as those that work on many sessions at once, has the real machine.
 thread_local! {
     static SIMULATED: RefCell<Option<Rc<dyn Simulated>>> = const { RefCell::new(None) };
 }
@@ -40,18 +41,16 @@ fn simulated() -> Option<Rc<dyn Simulated>> {
 
 /// Puts a machine under this thread until what is returned is dropped.
 #[must_use]
-pub fn simulate(machine: Rc<dyn Simulated>) -> Simulation {
-    SIMULATED.set(Some(machine));
-    Simulation(())
+pub fn simulate(machine: Rc<dyn Simulated>) -> Guard {
+    Guard(SIMULATED.replace(Some(machine)))
 }
 
-/// The time for which a thread has a machine of its own.
-#[derive(Debug)]
-pub struct Simulation(());
+/// Puts the machine from before back when it is dropped.
+pub struct Guard(Option<Rc<dyn Simulated>>);
 
-impl Drop for Simulation {
+impl Drop for Guard {
     fn drop(&mut self) {
-        SIMULATED.set(None);
+        SIMULATED.set(self.0.take());
     }
 }
 
@@ -115,7 +114,7 @@ pub fn receive<T>(channel: &Receiver<T>, patience: Duration) -> Result<T, RecvTi
         .unwrap_or(Err(RecvTimeoutError::Timeout))
 }
 
-/// Lets others work, where the machine is simulated: somebody would wait here for what is not part of it.
+/// Lets others work. A simulated device calls this where a real one would keep the world waiting.
 pub fn pass() {
     if let Some(machine) = simulated() {
         machine.pass();

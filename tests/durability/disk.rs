@@ -45,6 +45,10 @@ struct State {
     delay: Duration,
     /// Of all operations so far.
     fingerprint: DefaultHasher,
+    /// Operations until the power fails, and what tells what is left then.
+    until_cut: Option<(u64, u64)>,
+    /// What was left.
+    left: Option<Disk>,
 }
 
 #[derive(Debug, Hash)]
@@ -64,6 +68,43 @@ impl Operation {
                 bytes[at..end].copy_from_slice(data);
             }
             Operation::Length(length) => bytes.resize(*length as usize, 0),
+        }
+    }
+}
+
+impl State {
+    fn cut(&self, seed: u64) -> Disk {
+        let mut dice = SmallRng::seed_from_u64(seed);
+        let mut bytes = self.synced.clone();
+        for operation in &self.unsynced {
+            match operation {
+                Operation::Length(_) if dice.random_bool(0.5) => operation.apply(&mut bytes),
+                Operation::Length(_) => {}
+                Operation::Write(at, data) => {
+                    for (i, sector) in data.chunks(SECTOR).enumerate() {
+                        if dice.random_bool(0.5) {
+                            let at = at + (i * SECTOR) as u64;
+                            Operation::Write(at, sector.to_vec()).apply(&mut bytes);
+                        }
+                    }
+                }
+            }
+        }
+        let synced = bytes.clone();
+        let fingerprint = self.fingerprint.clone();
+        Disk(Arc::new(Mutex::new(State { bytes, synced, fingerprint, ..State::default() })))
+    }
+
+    /// An operation is about to be done.
+    fn count(&mut self) {
+        match &mut self.until_cut {
+            Some((0, seed)) => {
+                let seed = *seed;
+                self.until_cut = None;
+                self.left = Some(self.cut(seed));
+            }
+            Some((operations, _)) => *operations -= 1,
+            None => {}
         }
     }
 }
@@ -97,26 +138,19 @@ impl Disk {
 
     /// What is on it after a power cut: all that was synced, and of the rest any sectors.
     pub fn cut(&self, seed: u64) -> Disk {
-        let mut dice = SmallRng::seed_from_u64(seed);
-        let state = self.state();
-        let mut bytes = state.synced.clone();
-        for operation in &state.unsynced {
-            match operation {
-                Operation::Length(_) if dice.random_bool(0.5) => operation.apply(&mut bytes),
-                Operation::Length(_) => {}
-                Operation::Write(at, data) => {
-                    for (i, sector) in data.chunks(SECTOR).enumerate() {
-                        if dice.random_bool(0.5) {
-                            let at = at + (i * SECTOR) as u64;
-                            Operation::Write(at, sector.to_vec()).apply(&mut bytes);
-                        }
-                    }
-                }
-            }
-        }
-        let synced = bytes.clone();
-        let fingerprint = state.fingerprint.clone();
-        Disk(Arc::new(Mutex::new(State { bytes, synced, fingerprint, ..State::default() })))
+        self.state().cut(seed)
+    }
+
+    /// Has the power fail before one of the coming operations; `None` for no longer.
+    #[allow(dead_code, reason = "a process can't be killed by its own disk")]
+    pub fn cut_at(&self, operation_and_seed: Option<(u64, u64)>) {
+        self.state().until_cut = operation_and_seed;
+    }
+
+    /// What is on it after that, where it has happened.
+    #[allow(dead_code, reason = "as above")]
+    pub fn left(&self) -> Option<Disk> {
+        self.state().left.take()
     }
 
     /// A hash of all that was done to it.
@@ -126,6 +160,7 @@ impl Disk {
     }
 
     fn change(&self, operation: Operation) -> io::Result<()> {
+        self.state().count();
         let failing = self.state().failing;
         match failing {
             Some(Failing::Full) => return Err(ErrorKind::StorageFull.into()),
@@ -162,6 +197,7 @@ impl StorageBackend for Disk {
         let delay = self.state().delay;
         std::thread::sleep(delay);
         let mut state = self.state();
+        state.count();
         if state.failing.is_some() {
             state.failing = state.failing.filter(|&failing| failing != Failing::NoSyncOnce);
             return Err(io::Error::other("the disk does not answer"));

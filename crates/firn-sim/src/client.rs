@@ -22,13 +22,22 @@ pub struct Request {
     pub once: Option<Once>,
     /// Its place in the model, once it was sent.
     pub place: Option<usize>,
+    /// Whether it may have been carried out although nobody was told.
+    pub doubtful: bool,
     answer: Option<Answer>,
 }
 
 impl Request {
     /// A request that is still to be sent.
     pub fn new(session: &str, operation: Operation, once: Option<Once>) -> Request {
-        Request { session: session.to_owned(), operation, once, place: None, answer: None }
+        Request {
+            session: session.to_owned(),
+            operation,
+            once,
+            place: None,
+            doubtful: false,
+            answer: None,
+        }
     }
 
     /// Sends it, or looks for its answer.
@@ -47,9 +56,14 @@ impl Request {
         }
     }
 
+    /// It has its answer.
+    pub fn forget(&mut self) {
+        self.answer = None;
+    }
+
     /// Has its answer lost: the client has gone, or the server is dead.
     pub fn lose(&mut self) {
-        self.answer = None;
+        self.doubtful |= self.answer.take().is_some();
     }
 }
 

@@ -13,6 +13,9 @@ use rand::{Rng, RngCore, SeedableRng};
 /// Time that passes while somebody waits.
 const WAIT: Duration = Duration::from_millis(5);
 
+/// Waits in one step, of which there are never so many.
+const MOST_PASSES: u64 = 100_000;
+
 /// When people's clocks begin.
 const BEGINNING: Duration = Duration::from_secs(1_800_000_000);
 
@@ -28,6 +31,8 @@ pub struct Machine {
     dice: RefCell<SmallRng>,
     aside: RefCell<VecDeque<Work>>,
     journal: Journal,
+    /// How often somebody has waited in this step.
+    passes: Cell<u64>,
 }
 
 impl Machine {
@@ -40,6 +45,7 @@ impl Machine {
             dice: RefCell::new(SmallRng::seed_from_u64(seed)),
             aside: RefCell::default(),
             journal: Journal::default(),
+            passes: Cell::default(),
         }
     }
 
@@ -64,6 +70,16 @@ impl Machine {
         if let Some(work) = work {
             work();
         }
+    }
+
+    /// A step begins.
+    pub fn begin(&self) {
+        self.passes.set(0);
+    }
+
+    /// Puts other work aside, in place of what is there.
+    pub fn swap(&self, aside: VecDeque<Work>) -> VecDeque<Work> {
+        self.aside.replace(aside)
     }
 
     /// Forgets what was put aside: the process is dead.
@@ -94,6 +110,8 @@ impl Simulated for Machine {
     }
 
     fn pass(&self) {
+        self.passes.set(self.passes.get() + 1);
+        assert!(self.passes.get() < MOST_PASSES, "somebody waits for ever");
         self.advance(WAIT);
         self.work();
         // Where the journal itself waits it is at work already.

@@ -7,12 +7,12 @@ mod device;
 mod disk;
 mod machine;
 mod model;
+mod panics;
 mod report;
 mod simulation;
 mod viewer;
 
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Parser;
@@ -39,12 +39,7 @@ struct Arguments {
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let first = arguments.seed.unwrap_or_else(fresh);
-    // Most panics are part of a simulation; the last one tells why it ended, where it did.
-    let last = Arc::new(Mutex::new(String::new()));
-    let told = last.clone();
-    std::panic::set_hook(Box::new(move |panic| {
-        *told.lock().unwrap_or_else(PoisonError::into_inner) = panic.to_string();
-    }));
+    panics::watch();
     let mut code = ExitCode::SUCCESS;
     for seed in first..first + arguments.seeds {
         let run =
@@ -56,8 +51,8 @@ fn main() -> ExitCode {
                 code = ExitCode::FAILURE;
             }
             Err(_) => {
-                let last = last.lock().unwrap_or_else(PoisonError::into_inner);
-                println!("seed {seed}: VIOLATION: {last}");
+                let why = panics::unexpected().unwrap_or_else(|| "it panicked".to_owned());
+                println!("seed {seed}: VIOLATION: {why}");
                 code = ExitCode::FAILURE;
             }
         }

@@ -21,6 +21,7 @@ use crate::device::Switches;
 use crate::disk::Disk;
 use crate::machine::Machine;
 use crate::model::{Fate, Model, Operation, metres};
+use crate::panics;
 use crate::report::Report;
 use crate::viewer::Viewer;
 
@@ -113,13 +114,26 @@ impl Simulation {
     fn go(&mut self, steps: u64) -> Result<(), String> {
         self.start()?;
         for step in 1..=steps {
+            self.machine.begin();
             self.step()?;
+            self.look()?;
             if step % PERIOD == 0 || self.models.values().any(|model| model.doubts() > MOST_DOUBTS)
             {
                 self.compare().map_err(|why| format!("at step {step}: {why}"))?;
             }
         }
         self.compare()
+    }
+
+    /// Looks whether something happened in a step that ends a life, or that should never happen.
+    fn look(&mut self) -> Result<(), String> {
+        if let Some(panic) = panics::unexpected() {
+            return Err(panic);
+        }
+        match self.disk.left() {
+            Some(disk) => self.lose_power(disk),
+            None => Ok(()),
+        }
     }
 
     /// Draws what happens next.
@@ -184,17 +198,17 @@ impl Simulation {
             println!("{} {:?}: {answer:?}", request.session, request.operation);
         }
         let fate = client::fate(&answer);
-        let request = self.waiting.swap_remove(place);
+        let mut request = self.waiting.swap_remove(place);
+        request.doubtful |= fate == Fate::Unknown;
+        request.forget();
         // Who does not know, and may ask again, does.
         if fate != Fate::Done && request.once.is_some() && !self.dice.random_bool(0.1) {
             self.waiting.push(request);
-            self.waiting.last_mut().expect("it was put there").lose();
             return false;
         }
         self.report.requests.1 += u64::from(fate == Fate::Done);
-        // What was sent several times may have been done, although the last answer refuses it.
-        let fate =
-            if request.once.is_some() && fate == Fate::Refused { Fate::Unknown } else { fate };
+        // An earlier answer may have been lost that said something else.
+        let fate = if request.doubtful && fate == Fate::Refused { Fate::Unknown } else { fate };
         model.learn(asked, fate);
         true
     }

@@ -67,7 +67,7 @@ pub(crate) struct Journal {
     jobs: Option<mpsc::Sender<Job>>,
     feedback: mpsc::Receiver<Feedback>,
     shared: Arc<Shared>,
-    /// None where somebody else has the workers.
+    /// Empty where somebody else has the workers: then nothing tells whether they live.
     threads: Vec<JoinHandle<()>>,
     /// What this frame has left.
     frame: Vec<Submission>,
@@ -275,6 +275,9 @@ impl Workers {
     pub fn end(mut self) {
         while let Ok(job) = self.packer.jobs.try_recv() {
             self.packer.pack(job);
+        }
+        while let Ok(task) = self.writer.next() {
+            self.writer.turn(Some(task), false);
         }
         self.writer.turn(None, true);
     }

@@ -10,7 +10,7 @@ mod failure;
 use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::mpsc::{self, RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc::WeakSender;
@@ -129,6 +129,14 @@ impl Writer {
             // Whoever has gone away needs no answer.
             let _ = flushed.send(());
         }
+    }
+
+    /// A task that is there.
+    ///
+    /// # Errors
+    /// Where there is none.
+    pub fn next(&self) -> Result<Task, TryRecvError> {
+        self.incoming.try_recv()
     }
 
     /// Waits for a task, up to the time at which there may be something else to do. Returns it, and whether

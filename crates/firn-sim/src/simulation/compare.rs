@@ -1,6 +1,6 @@
 //! Everything is healed, everybody has to get an answer, and what is there has to be what was told.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use firn::session::{Change, ManualJournal, SessionError, Sessions};
@@ -8,14 +8,21 @@ use firn_protocol::{SettingsPatch, StepSpec};
 
 use crate::client::{self, wait_for};
 use crate::model::State;
+use crate::panics;
 
 use super::{NAMES, Simulation};
 
 impl Simulation {
     /// Lets everything work.
     fn round(&mut self) -> Result<(), String> {
+        self.machine.begin();
         self.machine.advance(Duration::from_millis(17));
-        self.turn()?;
+        if !self.life.as_mut().is_some_and(|life| life.world.turn()) {
+            return Err("the server gives up although nothing fails".to_owned());
+        }
+        if let Some(panic) = panics::unexpected() {
+            return Err(panic);
+        }
         self.machine.work();
         self.journal(ManualJournal::pack);
         self.journal(ManualJournal::commit);
@@ -27,6 +34,7 @@ impl Simulation {
     pub(super) fn compare(&mut self) -> Result<(), String> {
         self.report.checks += 1;
         self.disk.fail(None);
+        self.disk.cut_at(None);
         self.device.heal();
         let mut rounds = 0;
         while !self.is_calm() {
@@ -46,6 +54,11 @@ impl Simulation {
             self.compare_session(name)?;
         }
         for viewer in &mut self.viewers {
+            if !viewer.is_open()
+                && let Some(life) = &self.life
+            {
+                viewer.connect(&life.sessions, &mut self.dice);
+            }
             viewer.check().map_err(|why| format!("session '{}': {why}", viewer.session()))?;
         }
         self.compare_twin()?;
@@ -144,6 +157,7 @@ impl Simulation {
         }
         let copy = self.disk.cut(0);
         let ours = (self.disk.clone(), self.life.take(), self.machine.journal().take());
+        let aside = self.machine.swap(VecDeque::new());
         self.disk = copy;
         self.start()?;
         for (name, (tick, digest)) in &digests {
@@ -174,6 +188,7 @@ impl Simulation {
         let (disk, life, journal) = ours;
         (self.disk, self.life) = (disk, life);
         self.machine.journal().replace(journal);
+        self.machine.swap(aside);
         Ok(())
     }
 }

@@ -70,9 +70,14 @@ impl Simulation {
                 let seconds = self.dice.random_range(1..100);
                 self.machine.advance(Duration::from_secs(seconds));
             }
-            92..98 => {
+            92..94 => {
                 self.report.fault("crash");
                 self.crash()?;
+            }
+            94..98 => {
+                self.report.fault("power cut");
+                let operations = self.dice.random_range(0..60);
+                self.disk.cut_at(Some((operations, self.dice.random())));
             }
             98..100 => {
                 self.report.fault("stop");

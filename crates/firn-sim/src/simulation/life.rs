@@ -8,6 +8,7 @@ use firn::session::{ManualWorld, Sessions, StoreState};
 use rand::Rng;
 
 use crate::client;
+use crate::disk::Disk;
 use crate::model::Fate;
 use crate::viewer::Viewer;
 
@@ -16,8 +17,12 @@ use super::{CHECKPOINTS, CONFIG, Life, Simulation};
 impl Simulation {
     /// The process dies, and with it all that was not synced, or some of it.
     pub(super) fn crash(&mut self) -> Result<(), String> {
-        let seed = self.dice.random();
-        let disk = self.disk.cut(seed);
+        let disk = self.disk.cut(self.dice.random());
+        self.lose_power(disk)
+    }
+
+    /// As if the process had died when only that was on its disk.
+    pub(super) fn lose_power(&mut self, disk: Disk) -> Result<(), String> {
         // What a dead process writes is nobody's business.
         self.disk.fail(None);
         self.die();
@@ -32,7 +37,7 @@ impl Simulation {
         let deadline = self.machine.now() + Duration::from_secs(5);
         world.stop(deadline);
         if let Some(journal) = self.machine.journal().take() {
-            // A disk may panic to the end.
+            // A disk may panic also when it is closed.
             let _ = catch_unwind(AssertUnwindSafe(|| journal.end()));
         }
         self.hear_the_last(&sessions);
