@@ -3,6 +3,7 @@
 use std::future::Future;
 use std::pin::Pin;
 use std::task::{Context, Poll, Waker};
+use std::time::Instant;
 
 use firn::session::{Applied, Change, Once, SessionError, Sessions};
 use firn_protocol::{AirTemperature, ColliderSpec, SessionSpec, SettingsPatch, Snowfall, StepSpec};
@@ -10,7 +11,10 @@ use firn_snow::{Position, Shape};
 
 use crate::model::{Fate, Operation, metres};
 
-type Answer = Pin<Box<dyn Future<Output = Result<(), SessionError>>>>;
+/// What is told of a change; nothing of anything else.
+pub type Told = Result<Option<Applied>, SessionError>;
+
+type Answer = Pin<Box<dyn Future<Output = Told>>>;
 
 /// A request that has no answer yet.
 pub struct Request {
@@ -24,6 +28,8 @@ pub struct Request {
     pub place: Option<usize>,
     /// Whether it may have been carried out although nobody was told.
     pub doubtful: bool,
+    /// Its first answer, and when it came, where it is asked again nevertheless.
+    pub first: Option<(Option<Applied>, Instant)>,
     answer: Option<Answer>,
 }
 
@@ -36,16 +42,13 @@ impl Request {
             once,
             place: None,
             doubtful: false,
+            first: None,
             answer: None,
         }
     }
 
     /// Sends it, or looks for its answer.
-    pub fn poll(
-        &mut self,
-        sessions: &Sessions,
-        spec: &SessionSpec,
-    ) -> Option<Result<(), SessionError>> {
+    pub fn poll(&mut self, sessions: &Sessions, spec: &SessionSpec) -> Option<Told> {
         let answer = self.answer.get_or_insert_with(|| {
             let id = self.session.clone();
             send(sessions.clone(), id, self.operation.clone(), self.once.clone(), spec.clone())
@@ -68,16 +71,17 @@ impl Request {
 }
 
 /// What an answer says of what was asked.
-pub fn fate(answer: &Result<(), SessionError>) -> Fate {
+pub fn fate(answer: &Told) -> Fate {
     match answer {
-        Ok(()) => Fate::Done,
+        Ok(_) => Fate::Done,
         Err(SessionError::Internal(_)) => Fate::Unknown,
         Err(SessionError::Unavailable(why)) if why.contains("has stopped") => Fate::Unknown,
         Err(_) => Fate::Refused,
     }
 }
 
-fn send(
+/// Sends a request.
+pub fn send(
     sessions: Sessions,
     id: String,
     operation: Operation,
@@ -86,19 +90,17 @@ fn send(
 ) -> Answer {
     Box::pin(async move {
         if operation == Operation::Create {
-            return sessions.create_once(spec, None, once).await.map(drop);
+            return sessions.create_once(spec, None, once).await.map(|_| None);
         }
         let session = sessions.get(&id)?;
         match operation {
-            Operation::Delete => sessions.delete(&session).await,
-            Operation::Reset => session.reset().await.map(drop),
+            Operation::Delete => sessions.delete(&session).await.map(|()| None),
+            Operation::Reset => session.reset().await.map(|_| None),
             Operation::Step(ticks) => {
                 let ticks = Some(ticks);
-                session.step(StepSpec { ticks, ..StepSpec::default() }).await.map(drop)
+                session.step(StepSpec { ticks, ..StepSpec::default() }).await.map(|_| None)
             }
-            operation => {
-                session.change_once(change(&operation, &spec), once).await.map(drop::<Applied>)
-            }
+            operation => session.change_once(change(&operation, &spec), once).await.map(Some),
         }
     })
 }

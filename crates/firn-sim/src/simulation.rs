@@ -6,7 +6,7 @@ mod life;
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use firn::machine::Simulated;
 use firn::session::{Limits, ManualJournal, ManualWorld, Sessions, WorldConfig};
@@ -72,6 +72,8 @@ pub struct Simulation {
     keys: u64,
     /// Sessions that hibernated when that was last looked at.
     asleep: u64,
+    /// Something that was told and can't be right.
+    wrong: Option<String>,
     /// Whether answers are told.
     tells: bool,
     report: Report,
@@ -106,6 +108,7 @@ impl Simulation {
             viewers: NAMES[..2].iter().flat_map(|name| watch(name)).collect(),
             keys: 0,
             asleep: 0,
+            wrong: None,
             tells: false,
             report: Report::new(),
         }
@@ -127,8 +130,11 @@ impl Simulation {
 
     /// Looks whether something happened in a step that ends a life, or that should never happen.
     fn look(&mut self) -> Result<(), String> {
-        if let Some(panic) = panics::unexpected() {
-            return Err(panic);
+        // What is too old may be carried out again.
+        let old = |at: Instant| self.machine.now() - at > Duration::from_secs(300);
+        self.waiting.retain(|request| !request.first.as_ref().is_some_and(|(_, at)| old(*at)));
+        if let Some(why) = self.wrong.take().or_else(panics::unexpected) {
+            return Err(why);
         }
         match self.disk.left() {
             Some(disk) => self.lose_power(disk),
@@ -201,6 +207,13 @@ impl Simulation {
         let mut request = self.waiting.swap_remove(place);
         request.doubtful |= fate == Fate::Unknown;
         request.forget();
+        if let Some((first, _)) = request.first {
+            // A repeat that is refused says nothing.
+            if answer.as_ref().is_ok_and(|again| *again != first) {
+                self.wrong = Some(format!("{first:?} was told first, and then {answer:?}"));
+            }
+            return true;
+        }
         // Who does not know, and may ask again, does.
         if fate != Fate::Done && request.once.is_some() && !self.dice.random_bool(0.1) {
             self.waiting.push(request);
@@ -210,6 +223,12 @@ impl Simulation {
         // An earlier answer may have been lost that said something else.
         let fate = if request.doubtful && fate == Fate::Refused { Fate::Unknown } else { fate };
         model.learn(asked, fate);
+        if let (Ok(told), true, true) = (answer, request.once.is_some(), self.dice.random_bool(0.3))
+        {
+            request.first = Some((told, self.machine.now()));
+            self.waiting.push(request);
+            return false;
+        }
         true
     }
 

@@ -23,6 +23,8 @@ pub struct Viewer {
     open: Option<Open>,
     /// Whole fields, as they were told.
     seen: Vec<HeightField>,
+    /// The newest state that it was told of.
+    newest: Option<Resume>,
     /// Streams that went on exactly from where another ended.
     pub recovered: u64,
 }
@@ -32,13 +34,12 @@ struct Open {
     visit: Visit,
     subscription: Subscription,
     field: HeightField,
-    newest: u64,
 }
 
 impl Viewer {
     /// A client that has seen nothing.
     pub fn new(session: String, protocol: SubProtocol) -> Viewer {
-        Viewer { session, protocol, open: None, seen: Vec::new(), recovered: 0 }
+        Viewer { session, protocol, open: None, seen: Vec::new(), newest: None, recovered: 0 }
     }
 
     /// The session that it watches.
@@ -97,7 +98,7 @@ impl Viewer {
         if field.reconnect(&welcome, 1).is_err() {
             field = HeightField::new(&welcome, 1, &wish);
         }
-        self.open = Some(Open { visit, subscription, field, newest: 0 });
+        self.open = Some(Open { visit, subscription, field });
     }
 
     /// Takes what is new.
@@ -105,7 +106,7 @@ impl Viewer {
     /// # Errors
     /// Where that can't be right.
     pub fn take(&mut self) -> Result<(), String> {
-        let Some(Open { visit, subscription, field, newest }) = &mut self.open else {
+        let Some(Open { visit, subscription, field }) = &mut self.open else {
             return Ok(());
         };
         if visit.gone().is_cancelled() {
@@ -125,10 +126,11 @@ impl Viewer {
             let Message::Heights(told) = read.map_err(|error| error.to_string())? else {
                 return Err("a stream tells something else than heights".to_owned());
             };
-            if told.seq < *newest {
-                return Err(format!("seq {} is told after {newest}", told.seq));
+            let newest = Resume { epoch: visit.epoch.clone(), seq: told.seq };
+            let before = self.newest.replace(newest);
+            if before.as_ref().is_some_and(|it| it.epoch == visit.epoch && it.seq > told.seq) {
+                return Err(format!("seq {} is told after {before:?}", told.seq));
             }
-            *newest = told.seq;
             self.recovered += u64::from(told.recovered == Some(true));
             field.take(&told);
         }

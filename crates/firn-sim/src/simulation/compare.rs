@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use firn::session::{Change, ManualJournal, SessionError, Sessions};
 use firn_protocol::{SettingsPatch, StepSpec};
+use rand::Rng;
 
 use crate::client::{self, wait_for};
-use crate::model::State;
+use crate::model::{Fate, Operation, State};
 use crate::panics;
 
 use super::{NAMES, Simulation};
@@ -20,8 +21,8 @@ impl Simulation {
         if !self.life.as_mut().is_some_and(|life| life.world.turn()) {
             return Err("the server gives up although nothing fails".to_owned());
         }
-        if let Some(panic) = panics::unexpected() {
-            return Err(panic);
+        if let Some(why) = self.wrong.take().or_else(panics::unexpected) {
+            return Err(why);
         }
         self.machine.work();
         self.journal(ManualJournal::pack);
@@ -67,6 +68,25 @@ impl Simulation {
                 self.set_paused(name, false)?;
             }
         }
+        NAMES.into_iter().try_for_each(|name| self.serve(name))
+    }
+
+    /// Where nothing fails nothing is refused: a session can be made, and snow falls.
+    fn serve(&mut self, name: &'static str) -> Result<(), String> {
+        let model = &self.models[name];
+        let (spec, missing) = (model.spec.clone(), model.found().is_none());
+        if missing && self.dice.random_bool(0.5) {
+            return Ok(());
+        }
+        let operation = if missing { Operation::Create } else { Operation::Snowfall(1) };
+        let asked = operation.clone();
+        let answer = self.wait("a request while nothing fails", async |sessions| {
+            client::send(sessions, name.to_owned(), asked, None, spec).await
+        })?;
+        answer.map_err(|why| format!("session '{name}': {operation:?} is refused: {why}"))?;
+        let model = self.models.get_mut(name).expect("each has one");
+        let place = model.ask(operation);
+        model.learn(place, Fate::Done);
         Ok(())
     }
 
