@@ -46,7 +46,7 @@ use super::spec::Limits;
 use super::vitals::Vitals;
 use backoff::Backoff;
 use deadlines::Deadlines;
-use engine::Engine;
+use engine::{Beginning, Engine};
 use revive::Revival;
 use simulations::Simulations;
 use slots::Slots;
@@ -168,6 +168,9 @@ impl World {
             .build()?;
         let (journal, workers) =
             Journal::new(durability.store, image, answered, vitals.store.clone(), send.downgrade());
+        // Where nothing was stored nobody was ever told anything.
+        let new = comebacks.is_empty();
+        let beginning = if new { Beginning::OnDisk } else { Beginning::Unwritten };
         let engine = Engine {
             backend,
             open,
@@ -199,6 +202,7 @@ impl World {
             stop: None,
             saving: false,
             backoff: Backoff::default(),
+            beginning,
         };
         Ok((sessions, engine, workers))
     }

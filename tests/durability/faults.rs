@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use firn::config::BackendChoice;
 use firn::session::Durability;
+use firn::session::{SessionError, World, WorldConfig};
 use firn::store::{Loaded, Store, StoreError, Write};
+use firn_engine::cpu::CpuBackend;
 use reqwest::{Client as Http, Method};
 use serde_json::{Value, json};
 
@@ -205,6 +207,32 @@ async fn changes_are_refused_where_the_thread_that_stores_them_has_died() {
     let server = start(BackendChoice::Cpu, &disk).await;
     assert_eq!(seen(&server, &path).await, before, "what was acknowledged is there, and no more");
     server.stop().await;
+}
+
+/// A seq that somebody was told must never be given out again, so a start has to be on disk first.
+#[tokio::test(flavor = "multi_thread")]
+async fn nobody_is_told_anything_before_a_start_is_on_disk() {
+    let disk = Disk::default();
+    let server = start(BackendChoice::Cpu, &disk).await;
+    let path = server.create(small()).await;
+    let id = path.trim_start_matches("/v1/sessions/").to_owned();
+    let told = server.post(&format!("{path}/snowfalls"), json!({"depth": 0.1})).await.expect(200);
+    server.stop().await;
+
+    let durability = disk.durability(Duration::from_secs(60));
+    disk.fail(Some(Failing::ReadOnly));
+    let open = Box::new(|| Ok(Box::new(CpuBackend::new(None, false)) as _));
+    let options = Options::default();
+    let config = WorldConfig { limits: options.limits, publish_rate: 20.0, sleep: true };
+    let (sessions, world) = World::open(open, config, durability).unwrap();
+    until("it can't be written", async || !sessions.vitals().store.is_healthy()).await;
+    assert!(!sessions.vitals().is_recovered());
+    assert!(matches!(sessions.get(&id), Err(SessionError::Unavailable(_))));
+    disk.fail(None);
+    until("the session is back", async || sessions.vitals().is_recovered()).await;
+    let now = sessions.get(&id).unwrap().view().seq;
+    assert!(now > told["seq"].as_u64().unwrap(), "{now} after {told}");
+    tokio::task::spawn_blocking(move || world.stop()).await.unwrap();
 }
 
 #[tokio::test]

@@ -40,6 +40,15 @@ pub(super) enum Silence {
     Nobody,
 }
 
+/// How far it is written where this life of the server begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Beginning {
+    Unwritten,
+    /// The journal has it.
+    HandedOver,
+    OnDisk,
+}
+
 /// What lives on the world's thread.
 pub(super) struct Engine {
     pub(super) backend: Box<dyn Backend + Send>,
@@ -84,6 +93,7 @@ pub(super) struct Engine {
     /// Told to stop: until when checkpoints may be begun.
     pub(super) stop: Option<Instant>,
     pub(super) backoff: Backoff,
+    pub(super) beginning: Beginning,
     /// The coming frame has a checkpoint.
     pub(super) saving: bool,
 }
@@ -94,6 +104,9 @@ impl Engine {
     /// # Errors
     /// Those of the backend, after which it has to be opened anew.
     pub(super) fn turn(&mut self, first: Option<Message>) -> Result<bool, EngineError> {
+        if !self.has_begun() {
+            return Ok(self.turn_away(first));
+        }
         self.bring_back()?;
         if !self.take_messages(first)? {
             return Ok(false);

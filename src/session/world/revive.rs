@@ -13,6 +13,7 @@ use crate::machine;
 use crate::session::error::{Invalid, SessionError};
 use crate::session::handle::Session;
 use crate::session::journal::{Log, Record, Replay, Stored, Submission};
+use crate::session::message::Message;
 use crate::session::object_rows::ObjectRows;
 use crate::session::orders::Orders;
 use crate::session::portion::Portions;
@@ -20,7 +21,7 @@ use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 use crate::session::spec::Limits;
 
-use super::engine::Engine;
+use super::engine::{Beginning, Engine};
 
 /// Cells that are brought back at a time, unless one session has more.
 const WAVE: u64 = 16 << 20;
@@ -97,6 +98,39 @@ pub(super) struct Room {
 }
 
 impl Engine {
+    /// Writes where this life begins, and whether that is on disk: seqs that anybody is told from here on are
+    /// never given out again, nor is the time since the last heartbeat ever counted.
+    pub(super) fn has_begun(&mut self) -> bool {
+        if self.beginning == Beginning::Unwritten {
+            let begun = self.comebacks.values_mut().map(Revival::begin);
+            begun.for_each(|submission| self.journal.add(submission));
+            self.journal.beat(self.frame);
+            self.journal.flush();
+            self.beginning = Beginning::HandedOver;
+        }
+        // What could not be written is written as soon as the store can be.
+        if self.beginning == Beginning::HandedOver && self.journal.refusal().is_none() {
+            self.beginning = Beginning::OnDisk;
+        }
+        self.beginning == Beginning::OnDisk
+    }
+
+    /// Refuses what is asked before this life has begun. False means that it was told to stop.
+    pub(super) fn turn_away(&mut self, first: Option<Message>) -> bool {
+        let why = SessionError::Unavailable(
+            "sessions come back as soon as the data directory can be written to".to_owned(),
+        );
+        let waiting = std::iter::from_fn(|| self.inbox.try_recv().ok());
+        for message in first.into_iter().chain(waiting) {
+            if let Message::Stop(until) = message {
+                self.stop = Some(until);
+                return false;
+            }
+            message.refuse(&why);
+        }
+        true
+    }
+
     /// Brings back everything that has to be, before anything else is done.
     ///
     /// # Errors
@@ -107,14 +141,6 @@ impl Engine {
         }
         let (count, began) = (self.comebacks.len(), machine::now());
         let mut done = 0;
-        if !self.vitals.is_recovered() {
-            // Seqs that anybody is told from here on are never given out again, nor is the time
-            // since the last heartbeat ever counted.
-            let begun = self.comebacks.values_mut().map(Revival::begin);
-            begun.for_each(|submission| self.journal.add(submission));
-            self.journal.beat(self.frame);
-            self.journal.flush();
-        }
         while !self.comebacks.is_empty() {
             let wave = self.next_wave();
             let sessions: Vec<Arc<Session>> =

@@ -12,8 +12,11 @@ use crate::machine;
 use crate::session::error::SessionError;
 use crate::session::message::Message;
 
-use super::engine::{Engine, Silence};
+use super::engine::{Beginning, Engine, Silence};
 use super::revive::Revival;
+
+/// Time between two looks at whether the beginning of this life is on disk.
+const UNWRITTEN: Duration = Duration::from_millis(50);
 
 /// What comes of a failure.
 #[derive(Debug, PartialEq, Eq)]
@@ -30,8 +33,12 @@ impl Engine {
     /// Runs until it is told to stop or nothing helps any more.
     pub(super) fn supervise(mut self) {
         loop {
-            let idle = !self.busy && self.comebacks.is_empty();
-            let first = match if idle { self.wait(self.next_beat) } else { Err(Silence::Time) } {
+            let next = match self.beginning {
+                Beginning::HandedOver => Some(machine::now() + UNWRITTEN),
+                _ if self.busy || !self.comebacks.is_empty() => None,
+                _ => Some(self.next_beat),
+            };
+            let first = match next.map_or(Err(Silence::Time), |next| self.wait(next)) {
                 Ok(message) => Some(message),
                 Err(Silence::Time) => None,
                 Err(Silence::Nobody) => break,
