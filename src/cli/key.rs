@@ -15,9 +15,9 @@ Examples:
   firn key alpine --scopes read --name map >> keys.toml
   kill -HUP $(pidof firn)                  have the server read the file again
 
-Standard error gets the key, to be told to whoever it is for and kept nowhere else; standard output
-gets the entry for the file of `firn serve --api-keys-file`, with the key's hash. Quotas stand in the
-tenant's own table, above its keys:
+The key is printed to standard error. Give it to its user, and do not keep it: it is not shown again.
+The entry for the file of `firn serve --api-keys-file`, with the key's hash, is printed to standard
+output. Quotas stand in the tenant's own table, above its keys:
 
   [tenants.alpine]
   quotas = { sessions = 20, cells = 50_000_000, device_share = 0.5, requests_per_second = 500 }";

@@ -150,7 +150,7 @@ fn carry_out(command: Command, given: &ArgMatches) -> Result<(), Failure> {
 /// Writes to standard output.
 ///
 /// # Errors
-/// Where that fails, unless nobody reads it any more: whoever did may have seen enough.
+/// Where writing fails. A closed pipe is not an error: `firn ... | head` closes it early.
 fn print(text: &[u8]) -> Result<(), Failure> {
     match std::io::stdout().write_all(text) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {

@@ -11,7 +11,7 @@ use firn_snow::{Position, Shape};
 
 use crate::model::{Fate, Operation, metres};
 
-/// What is told of a change; nothing of anything else.
+/// The answer to a request. Only changes have one that says something.
 pub type Told = Result<Option<Applied>, SessionError>;
 
 type Answer = Pin<Box<dyn Future<Output = Told>>>;

@@ -28,7 +28,7 @@ impl Switches {
         self.0.lost.store(true, Ordering::Relaxed);
     }
 
-    /// Whoever submits the next frame panics.
+    /// Submitting the next frame panics.
     pub fn panic(&self) {
         self.0.panics.store(true, Ordering::Relaxed);
     }

@@ -46,7 +46,7 @@ impl Simulation {
             52..70 => self.disk.fail(None),
             70..80 if !self.waiting.is_empty() => {
                 let place = self.dice.random_range(0..self.waiting.len());
-                // HTTP carries these out to their end, whoever has gone away; who asks again waits for that.
+                // The server finishes these also when their client has gone. A repeat waits for the first.
                 let Request { operation, once, .. } = &self.waiting[place];
                 let kept =
                     once.is_some() || matches!(operation, Operation::Create | Operation::Delete);
