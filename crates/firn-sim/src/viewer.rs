@@ -153,13 +153,12 @@ impl Viewer {
         self.take()?;
         let Some(Open { visit, field, .. }) = &self.open else { return Ok(()) };
         let mirror = visit.mirror();
-        let ground = visit.view().terrain.is_some();
         let grid = mirror.grid;
         for (x, z) in (0..grid.depth).flat_map(|z| (0..grid.width).map(move |x| (x, z))) {
             let there = grid.metres(mirror.height(x, z).into());
             let seen = field.height(x, z).unwrap_or(f64::NAN);
             let same = (seen - there).abs() <= QUANTUM * 0.5001;
-            if !same && !ground {
+            if !same {
                 return Err(format!(
                     "column {x}/{z} is {there} m high, and a client that was told seq {:?} sees {seen}",
                     field.resume()
