@@ -8,7 +8,7 @@ use firn_protocol::SessionView;
 
 use super::error::SessionError;
 use super::handle::Session;
-use super::message::{self, Message};
+use super::message::Control;
 
 impl Session {
     /// Whether it takes no changes.
@@ -42,8 +42,7 @@ impl Session {
     /// [`SessionError::StorageFailed`]; it stays locked then.
     pub async fn unlock(self: &Arc<Self>) -> Result<SessionView, SessionError> {
         if self.is_locked() {
-            let session = self.clone();
-            message::ask(&self.world, None, |reply| Message::Unlock { session, reply }).await?;
+            self.control(Control::Unlock).await?;
         }
         Ok(self.view())
     }

@@ -1,7 +1,6 @@
 //! What a session has to do in a frame, and who waits for it.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use firn_engine::frame::{Edit, SampleBox};
 use firn_protocol::MassView;
@@ -95,17 +94,9 @@ impl Orders {
         !self.edits.is_empty() || self.want_answers()
     }
 
-    /// Takes out the boxes for whose cells a frame has no room, and counts the others' off it.
-    pub fn hold_back_samples(&mut self, room: &AtomicU64) -> Vec<(SampleBox, Answer<Sampled>)> {
-        let fitting = self
-            .samples
-            .iter()
-            .take_while(|(wanted, _)| {
-                let left = |room: u64| room.checked_sub(wanted.cells());
-                room.try_update(Ordering::Relaxed, Ordering::Relaxed, left).is_ok()
-            })
-            .count();
-        self.samples.split_off(fitting)
+    /// Cells of the fixed grid that are wanted.
+    pub fn sampled_cells(&self) -> u64 {
+        self.samples.iter().map(|(wanted, _)| wanted.cells()).sum()
     }
 
     /// Whether a frame is to be published at once.
@@ -124,25 +115,6 @@ impl Orders {
             || !self.samples.is_empty()
             || !self.snapshots.is_empty()
             || self.checkpoint
-    }
-
-    /// Takes out what only reads.
-    pub fn take_reads(&mut self) -> Orders {
-        Orders {
-            gathers: std::mem::take(&mut self.gathers),
-            tallies: std::mem::take(&mut self.tallies),
-            samples: std::mem::take(&mut self.samples),
-            snapshots: std::mem::take(&mut self.snapshots),
-            ..Orders::default()
-        }
-    }
-
-    /// Adds what only reads.
-    pub fn add_reads(&mut self, reads: Orders) {
-        self.gathers.extend(reads.gathers);
-        self.tallies.extend(reads.tallies);
-        self.samples.extend(reads.samples);
-        self.snapshots.extend(reads.snapshots);
     }
 
     /// Tells everybody who waits why there is no answer.

@@ -5,7 +5,6 @@
 //! between, also in the middle of a cycle. The snowpack itself is between two ticks only when all of it is
 //! done; until then its orders wait, and nothing of it is published.
 
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use firn_engine::frame::{Edit, SampleBox, Slot, Work, WorkOutcome};
@@ -48,15 +47,8 @@ pub(super) struct Portions {
     beside: u64,
     /// It may do no more than `size` of them.
     limited: bool,
-    under_way: Option<UnderWay>,
-}
-
-/// Work of which some frames are done.
-#[derive(Debug)]
-struct UnderWay {
-    slot: Slot,
-    /// Cells of the fixed grid that are wanted at the end.
-    samples: u64,
+    /// Where work is of which some frames are done.
+    under_way: Option<Slot>,
 }
 
 impl Default for Portions {
@@ -127,16 +119,13 @@ impl Portions {
         if !self.limited {
             return work;
         }
-        self.under_way = Some(UnderWay { slot: work.slot, samples });
+        self.under_way = Some(work.slot);
         Work { limit: Some(self.size), ..work }
     }
 
-    /// Goes on with the work that is under way, of which the end is published or not: not where `room` is
-    /// too small for the cells of the fixed grid that are wanted at the end.
-    pub fn go_on(&mut self, publish: bool, room: &AtomicU64) -> Option<Work> {
-        let UnderWay { slot, samples } = *self.under_way.as_ref()?;
-        let left = |room: u64| room.checked_sub(samples);
-        room.try_update(Ordering::Relaxed, Ordering::Relaxed, left).ok()?;
+    /// Goes on with the work that is under way, of which the end is published or not.
+    pub fn go_on(&mut self, publish: bool) -> Option<Work> {
+        let slot = self.under_way?;
         Some(Work::resume(slot, publish, Some(self.size)))
     }
 
@@ -217,20 +206,20 @@ mod tests {
 
     #[test]
     fn what_is_long_is_done_in_parts() {
-        let (mut portions, room) = (Portions::default(), AtomicU64::new(0));
+        let mut portions = Portions::default();
         let first = portions.begin(work(1000), FIRST, &GRID);
         assert_eq!((first.limit, first.run.cycles, first.edits.len()), (Some(FIRST), 1000, 1));
         let part = || WorkOutcome { unfinished: true, units: FIRST, ..WorkOutcome::default() };
         for publish in [true, false] {
             assert!(portions.take_in(part()).is_none());
             assert!(portions.are_under_way());
-            let next = portions.go_on(publish, &room).unwrap();
+            let next = portions.go_on(publish).unwrap();
             assert_eq!((next.slot, next.resume, next.publish), (7, true, publish));
             assert_eq!((next.limit, next.edits.len(), next.run.cycles), (Some(FIRST), 0, 0));
         }
         assert!(portions.take_in(WorkOutcome::default()).is_some());
         assert!(!portions.are_under_way());
-        assert!(portions.go_on(true, &room).is_none());
+        assert!(portions.go_on(true).is_none());
     }
 
     #[test]
@@ -264,18 +253,5 @@ mod tests {
         assert_eq!(fitted(FIRST / 2, true, 5000), FIRST / 16);
         assert_eq!(fitted(FIRST / 16, true, 5000), LEAST);
         assert_eq!(fitted(100 * FIRST, false, 20), LEAST, "others were in the way");
-    }
-
-    #[test]
-    fn the_end_waits_for_room() {
-        let mut portions = Portions::default();
-        let columns = firn_snow::ColumnRect { x0: 0, z0: 0, x1: 10, z1: 10 };
-        let wanted = SampleBox { columns, y0: 0, height: 10, dt: 0.1 };
-        portions.begin(Work { samples: vec![wanted], ..work(16) }, FIRST, &GRID);
-        assert!(portions.go_on(true, &AtomicU64::new(999)).is_none());
-        assert!(portions.are_under_way());
-        let room = AtomicU64::new(1000);
-        assert!(portions.go_on(true, &room).is_some());
-        assert_eq!(room.into_inner(), 0);
     }
 }

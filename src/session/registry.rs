@@ -12,7 +12,7 @@ use tokio::sync::{Semaphore, mpsc};
 use super::error::{Check, SessionError};
 use super::handle::Session;
 use super::idempotency::RequestKey;
-use super::message::{self, Message};
+use super::message::{self, Control, Message};
 use super::names::{Names, Place};
 use super::once::{Answered, Done, DoneResult, Once};
 use super::requests::blocking;
@@ -244,7 +244,7 @@ impl Sessions {
         let session = Visit::begin(session);
         if session.hibernating.load(Ordering::SeqCst) {
             // A queue that is full wakes it with what is asked for next.
-            let _ = self.world.try_send(Message::Wake { key: session.key });
+            let _ = self.world.try_send(Message::Control { key: session.key, control: Control::Wake });
         }
         session
     }
@@ -287,7 +287,7 @@ impl Sessions {
     /// [`SessionError::NotFound`].
     pub async fn delete(&self, session: &Session) -> Result<(), SessionError> {
         // It is not woken for that.
-        message::ask(&self.world, None, |reply| Message::Delete { key: session.key, reply }).await
+        session.control(Control::Delete).await
     }
 
     /// How many sessions there are.

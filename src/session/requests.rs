@@ -13,7 +13,8 @@ use super::change::Change;
 use super::error::{Invalid, SessionError};
 use super::gather::{self, Sampled};
 use super::handle::Session;
-use super::message::{self, Message};
+use super::inbox::Request;
+use super::message::{self, Control, Message};
 use super::once::Once;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
@@ -43,8 +44,7 @@ impl Session {
             Some(applied) => Ok(applied),
             None => {
                 self.check_unlocked()?;
-                let message = |reply| Message::Change { key: self.key, change, once, reply };
-                self.ask_with(bytes, message).await
+                self.ask_with(bytes, |reply| Request::Change { change, once, reply }).await
             }
         }
     }
@@ -57,7 +57,7 @@ impl Session {
     /// [`SessionError::Locked`], and [`SessionError::Invalid`].
     pub async fn step(&self, step: StepSpec) -> Result<SessionView, SessionError> {
         self.check_unlocked()?;
-        self.ask(|reply| Message::Step { key: self.key, step, reply }).await?;
+        self.ask(|reply| Request::Step { step, reply }).await?;
         Ok(self.view())
     }
 
@@ -80,7 +80,7 @@ impl Session {
                 Some(Box::new(decoded))
             }
         };
-        self.ask(|reply| Message::Reset { key: self.key, saved, reply }).await?;
+        self.ask(|reply| Request::Reset { saved, reply }).await?;
         Ok(self.view())
     }
 
@@ -103,7 +103,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Unavailable`].
     pub async fn mass(&self) -> Result<MassView, SessionError> {
-        self.ask(|reply| Message::Mass { key: self.key, reply }).await
+        self.ask(|reply| Request::Mass { reply }).await
     }
 
     /// All cells of some tiles, of one tick.
@@ -129,7 +129,7 @@ impl Session {
             let detail = format!("{cells} cells; at most {} at a time", gather::MOST_SAMPLES);
             return Err(SessionError::Invalid(vec![Invalid { pointer: String::new(), detail }]));
         }
-        self.ask(|reply| Message::Sample { key: self.key, columns, y0, height, reply }).await
+        self.ask(|reply| Request::Sample { columns, y0, height, reply }).await
     }
 
     /// Gives it other tokens. When this returns that is durable, the old ones have stopped working,
@@ -143,7 +143,7 @@ impl Session {
         let tokens = Tokens::generate()
             .map_err(|e| SessionError::Internal(format!("no random numbers for tokens: {e}")))?;
         let hashes = tokens.hashes();
-        self.ask(|reply| Message::Tokens { key: self.key, hashes, reply }).await?;
+        self.control(|reply| Control::Tokens(hashes, reply)).await?;
         Ok(tokens)
     }
 
@@ -152,7 +152,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Unavailable`].
     pub async fn snapshot(&self) -> Result<Snapshot, SessionError> {
-        self.ask(|reply| Message::Snapshot { key: self.key, reply }).await
+        self.ask(|reply| Request::Snapshot { reply }).await
     }
 
     /// Runs a closure on the world's thread with the session's simulation, for diagnosis.
@@ -168,27 +168,37 @@ impl Session {
         let look = Box::new(move |simulation: &Simulation| {
             let _ = send.send(look(simulation));
         });
-        self.ask(|reply| Message::Inspect { key: self.key, look, reply }).await?;
+        self.ask(|reply| Request::Inspect { look, reply }).await?;
         receive.await.map_err(|_| message::stopped())
     }
 
     pub(super) async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
         let bytes = std::mem::size_of_val(&tiles[..]);
-        self.ask_with(bytes, |reply| Message::Gather { key: self.key, tiles, reply }).await
+        self.ask_with(bytes, |reply| Request::Gather { tiles, reply }).await
     }
 
-    async fn ask<T>(&self, message: impl FnOnce(Answer<T>) -> Message) -> Result<T, SessionError> {
-        self.ask_with(0, message).await
+    async fn ask<T>(&self, request: impl FnOnce(Answer<T>) -> Request) -> Result<T, SessionError> {
+        self.ask_with(0, request).await
     }
 
     /// Asks with something that takes so many bytes while it waits.
     async fn ask_with<T>(
         &self,
         bytes: usize,
-        message: impl FnOnce(Answer<T>) -> Message,
+        request: impl FnOnce(Answer<T>) -> Request,
     ) -> Result<T, SessionError> {
-        let place = self.waiting.enter(bytes)?;
+        let (place, key) = (self.waiting.enter(bytes)?, self.key);
+        let message = |reply| Message::Request { key, request: request(reply) };
         message::ask(&self.world, Some(place), message).await
+    }
+
+    /// Has something done that does not wait for what is asked of the session.
+    pub(super) async fn control(
+        &self,
+        control: impl FnOnce(Answer<()>) -> Control,
+    ) -> Result<(), SessionError> {
+        let message = |reply| Message::Control { key: self.key, control: control(reply) };
+        message::ask(&self.world, None, message).await
     }
 }
 

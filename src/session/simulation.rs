@@ -15,7 +15,6 @@ use super::error::SessionError;
 use super::falling::{Falling, Snowing};
 use super::gather::Ledger;
 use super::handle::Session;
-use super::held::Held;
 use super::journal::{Event, Log, Replay};
 use super::object_rows::ObjectRows;
 use super::orders::{Flight, Orders, Reply, ReplyKind};
@@ -54,8 +53,6 @@ pub struct Simulation {
     pub(super) next: Orders,
     /// What the run under way does.
     pub(super) flight: Flight,
-    /// Changes that wait for its end.
-    pub(super) held: Held,
     /// How runs are parted into frames.
     pub(super) portions: Portions,
     /// Device time that it has taken.
@@ -71,8 +68,6 @@ pub struct Simulation {
     pub(super) frozen: bool,
     /// The mirror shows a state that was published before the session was brought back.
     pub(super) brought_back: bool,
-    /// Reads that wait for the end of the replay.
-    pub(super) waiting_reads: Orders,
 }
 
 /// An object on the snow.
@@ -115,7 +110,6 @@ impl Simulation {
             missed: false,
             next: Orders::default(),
             flight: Flight::default(),
-            held: Held::default(),
             portions: Portions::default(),
             charge: Charge::default(),
             step: None,
@@ -124,7 +118,6 @@ impl Simulation {
             answered_first: false,
             frozen: false,
             brought_back: false,
-            waiting_reads: Orders::default(),
             session: session.clone(),
         }
     }
@@ -287,7 +280,6 @@ impl Simulation {
     /// Whether somebody waits for a frame.
     pub(super) fn has_orders(&self) -> bool {
         self.portions.are_under_way()
-            || self.held.count() > 0
             || self.step.is_some()
             || self.owed > 0
             || self.next.are_urgent()
@@ -331,9 +323,7 @@ impl Simulation {
     /// Tells everybody who waits for this session why there is no answer.
     pub(super) fn refuse_all(mut self, why: &SessionError) {
         self.next.refuse(why);
-        self.waiting_reads.refuse(why);
         self.flight.orders.refuse(why);
-        self.held.refuse(why);
         if let Some(job) = self.step {
             job.answer.refuse(why);
         }

@@ -87,19 +87,8 @@ impl StepJob {
 }
 
 impl Simulation {
-    /// Begins a step after the changes that wait, or refuses it.
-    pub(super) fn step_after_changes(&mut self, step: StepSpec, answer: Answer<()>) {
-        if self.step.is_none() && self.held.count() > 0 {
-            self.between_ticks(answer, move |simulation, answer| {
-                simulation.begin_step(&step, answer);
-            });
-        } else {
-            self.begin_step(&step, answer);
-        }
-    }
-
     /// Begins a step, or refuses it.
-    fn begin_step(&mut self, step: &StepSpec, answer: Answer<()>) {
+    pub(super) fn begin_step(&mut self, step: &StepSpec, answer: Answer<()>) {
         let result = if !self.settings.paused {
             Err(SessionError::Conflict("a running session can't be stepped; pause it first".into()))
         } else if self.step.is_some() {

@@ -27,9 +27,6 @@ pub(super) struct Turn<'a> {
     pub publish: bool,
     /// Whether a snowpack at rest may be left alone.
     pub sleep: bool,
-    /// Cells of the fixed grid that the frame still has room for; what finds none waits for the
-    /// next.
-    pub samples: &'a AtomicU64,
     /// Time by which ticks have slipped \[µs\].
     pub slipped_us: &'a AtomicU64,
 }
@@ -56,7 +53,7 @@ impl Simulation {
             self.slip(turn.frame, turn.slipped_us);
             let publish = turn.publish || std::mem::take(&mut self.missed);
             self.flight.publish |= publish && self.replay.is_none();
-            return self.portions.go_on(self.flight.publish, turn.samples);
+            return self.portions.go_on(self.flight.publish);
         }
         let clock_before = self.clock;
         let mut advance = self.take_ticks(turn);
@@ -72,10 +69,6 @@ impl Simulation {
         let run = advance.run;
         self.unpublished |= advance.ticks > 0 || self.has_orders();
         let mut orders = std::mem::take(&mut self.next);
-        self.next.samples = orders.hold_back_samples(turn.samples);
-        if advance.ticks > 0 {
-            self.next.snapshots = std::mem::take(&mut orders.snapshots);
-        }
         let publish = match &self.replay {
             Some(replay) => replay.publishes(),
             None => orders.want_answers() || (self.is_to_publish(turn) && self.unpublished),
@@ -101,6 +94,12 @@ impl Simulation {
         };
         self.flight = Flight { orders, advance, clock_before: Some(clock_before), publish };
         Some(self.portions.begin(work, self.units_of_cycle(), &self.session.spec.grid))
+    }
+
+    /// Cells of the fixed grid that it wants of a frame.
+    pub(super) fn sampled_cells(&self) -> u64 {
+        let orders = if self.portions.are_under_way() { &self.flight.orders } else { &self.next };
+        orders.sampled_cells()
     }
 
     /// Whether it has something to do in a frame.

@@ -11,6 +11,7 @@ mod durability;
 mod engine;
 mod finish;
 mod frame;
+mod mail;
 mod manual;
 mod marks;
 mod requests;
@@ -190,6 +191,7 @@ impl World {
             ends: Deadlines::default(),
             saves: Deadlines::default(),
             hibernating: HashMap::new(),
+            mail: BTreeMap::new(),
             waking: BTreeMap::new(),
             leaving: HashMap::new(),
             slots: Slots::default(),

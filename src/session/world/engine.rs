@@ -15,6 +15,7 @@ use crate::session::answer::Answer;
 use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
+use crate::session::inbox::Inbox;
 use crate::session::journal::Journal;
 use crate::session::message::Message;
 use crate::session::names::Names;
@@ -74,6 +75,8 @@ pub(super) struct Engine {
     pub(super) saves: Deadlines,
     /// Sessions whose memory is freed.
     pub(super) hibernating: HashMap<u64, Arc<Session>>,
+    /// What waits for sessions.
+    pub(super) mail: BTreeMap<u64, Inbox>,
     /// Sessions that are being woken.
     pub(super) waking: BTreeMap<u64, Waking>,
     /// Who waits for a session to be deleted.
@@ -115,9 +118,10 @@ impl Engine {
         // The frame with a checkpoint takes on nothing that falls on a beat.
         let publish = !std::mem::take(&mut self.saving) && self.beat();
         self.look_after_sessions()?;
+        self.drain_mail();
         self.feed_waking();
         let frame = self.carry_out_frame(publish)?;
-        self.advance_waking()?;
+        self.advance_waking();
         if frame.sessions > 0 || self.frame > beat {
             let took = machine::since(begun);
             self.vitals.note(FrameTime { took, ..frame });

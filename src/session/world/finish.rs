@@ -50,17 +50,15 @@ impl Engine {
         for (_, simulation) in self.simulations.iter_mut() {
             simulation.catch_up(frame);
             simulation.frozen = true;
-            simulation.end_step();
         }
         while machine::now() < deadline {
+            self.drain_mail();
+            self.simulations.iter_mut().for_each(|(_, simulation)| simulation.end_step());
             let busy = self.sound_ones(Simulation::has_orders);
             if busy.is_empty() {
                 return;
             }
-            for key in busy {
-                self.guard(key, Simulation::release_held);
-                self.simulations.set_active(key, true);
-            }
+            busy.into_iter().for_each(|key| self.simulations.set_active(key, true));
             if let Err(failure) = self.carry_out_frame(false) {
                 warn!("runs were not ended: {failure}");
                 return;

@@ -2,7 +2,7 @@
 //! of it.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use firn_engine::frame::{EngineError, Frame, Outcome, Work};
@@ -10,7 +10,6 @@ use firn_engine::parallel;
 
 use crate::machine;
 use crate::session::charge::{Bill, Charge, who_waits};
-use crate::session::error::SessionError;
 use crate::session::gather::MOST_SAMPLES;
 use crate::session::journal::Left;
 use crate::session::simulation::Simulation;
@@ -33,7 +32,6 @@ impl Engine {
             frame: self.frame,
             publish,
             sleep: self.config.sleep,
-            samples: &AtomicU64::new(MOST_SAMPLES),
             slipped_us: &self.vitals.slipped_us,
         };
         // Nobody waits where all of them are brought back or saved.
@@ -45,7 +43,6 @@ impl Engine {
         self.busy |= waiting.for_others > 0;
         let mut time = FrameTime { sessions: part.len() as u32, ..FrameTime::default() };
         time.parts.planning = lap.next();
-        let refusal = self.journal.refusal();
         if !part.is_empty() {
             self.backend.submit(Frame { work })?;
             time.parts.submitting = lap.next();
@@ -58,7 +55,7 @@ impl Engine {
             time.published_tiles = outcome.published.count();
             let bill = Bill { took: outcome.took, units: units(&part, &outcome) };
             self.vitals.charge(bill.sum());
-            for done in conclude(part, outcome, bill, refusal.as_ref()) {
+            for done in conclude(part, outcome, bill) {
                 match done.left {
                     Some(left) => {
                         time.checkpoints += u32::from(left.checkpoint.is_some());
@@ -76,9 +73,9 @@ impl Engine {
         self.journal.send();
         failed.into_iter().for_each(|key| self.fell(key));
         for key in idle {
-            self.guard(key, |simulation| simulation.let_go_held(refusal.as_ref()));
             self.review(key);
         }
+        self.busy |= self.has_mail();
         time.parts.concluding = lap.next();
         Ok(time)
     }
@@ -109,6 +106,7 @@ struct Waiting {
 fn plan<'s>(simulations: &'s mut Simulations, turn: Turn, take_turns: bool) -> Planned<'s> {
     let mut part = simulations.active_mut();
     let waiting = if take_turns { wait(&mut part, turn) } else { Waiting::default() };
+    wait_for_room(&mut part, turn);
     let plans =
         parallel::each(part.iter_mut().collect(), |simulation| caught(|| simulation.plan(turn)));
     let (mut idle, mut failed) = (Vec::new(), Vec::new());
@@ -150,6 +148,27 @@ fn wait(part: &mut Vec<&mut Simulation>, turn: Turn) -> Waiting {
     Waiting { over_share, for_others }
 }
 
+/// Takes those out for whose cells of the fixed grid the frame has no room. Who comes first is another one
+/// in each frame.
+fn wait_for_room(part: &mut Vec<&mut Simulation>, turn: Turn) {
+    take_out(part, turn, |part| {
+        let all = (0..).zip(part);
+        let mut wanted: Vec<(usize, u64)> = all
+            .map(|(place, simulation)| (place, simulation.sampled_cells()))
+            .filter(|(_, cells)| *cells > 0)
+            .collect();
+        let first = turn.frame as usize % wanted.len().max(1);
+        wanted.rotate_left(first);
+        let mut room = MOST_SAMPLES;
+        wanted.retain(|(_, cells)| {
+            let fits = *cells <= room;
+            room -= if fits { *cells } else { 0 };
+            !fits
+        });
+        wanted.into_iter().map(|(place, _)| place).collect()
+    });
+}
+
 /// Has some simulations wait for another frame. Returns how many.
 fn take_out(
     part: &mut Vec<&mut Simulation>,
@@ -184,13 +203,11 @@ fn units(part: &[&mut Simulation], outcome: &Outcome) -> u64 {
     each.map(|(simulation, work)| simulation.portions.units(work)).sum()
 }
 
-/// Lets simulations take in their outcomes, in the order of the frame's work; changes that have waited
-/// for that are made, or refused. For most of them there is nothing to be done after that.
+/// Lets simulations take in their outcomes, in the order of the frame's work. For most of them there is nothing to be done after that.
 fn conclude(
     part: Vec<&mut Simulation>,
     outcome: Outcome,
     bill: Bill,
-    refusal: Option<&SessionError>,
 ) -> impl Iterator<Item = Concluded> + use<> {
     let published = &outcome.published;
     let concluded = parallel::each_pair(part, outcome.work, |simulation, work| {
@@ -199,9 +216,7 @@ fn conclude(
             simulation.charge(units, bill.part(units));
             let tiles = published.tiles(work.tiles.clone());
             simulation.conclude(work, tiles);
-            let left = simulation.leave();
-            simulation.let_go_held(refusal);
-            left
+            simulation.leave()
         });
         let review = simulation.has_orders() || !simulation.wants_frames();
         let nothing = !review && left.as_ref().is_some_and(Left::is_nothing);

@@ -1,9 +1,9 @@
-//! Requests, taken in between frames.
+//! What reaches the world, taken in between frames.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use firn_engine::frame::{EngineError, SampleBox};
+use firn_engine::frame::EngineError;
 use firn_engine::made::Made;
 use tracing::warn;
 
@@ -11,7 +11,7 @@ use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::{Ack, Identity, Log, Record, Submission};
-use crate::session::message::Message;
+use crate::session::message::{Control, Message};
 use crate::session::once::Done;
 use crate::session::orders::Reply;
 use crate::session::simulation::Simulation;
@@ -21,67 +21,24 @@ use crate::session::token::TokenHashes;
 use super::Fault;
 use super::engine::Engine;
 use super::revive::Room;
+use super::wake::Waking;
 
 impl Engine {
-    /// Takes a request in. Returns false where it says to stop.
+    /// Takes in what has arrived. Returns false where it says to stop.
     ///
     /// # Errors
     /// Those of the backend, where a session is woken.
     pub(super) fn take_message(&mut self, message: Message) -> Result<bool, EngineError> {
-        let Some(message) = self.put_off(message)? else { return Ok(true) };
         match message {
             Message::Create { session, made, saved, done, reply } => {
                 self.create(session, made, saved, done, reply);
             }
-            Message::Delete { key, reply } => {
-                if self.simulations.contains_key(&key) || self.hibernating.contains_key(&key) {
-                    self.delete(key, Some(reply));
-                } else {
-                    reply.refuse(&gone());
-                }
-            }
-            Message::Change { key, change, once, reply } => {
-                let most = self.config.limits.colliders_per_session;
-                self.alter(key, reply, move |sim, reply| {
-                    sim.between_ticks(reply, move |sim, reply| {
-                        sim.change(change, once, most, reply);
-                    });
-                });
-            }
-            Message::Step { key, step, reply } => {
-                self.alter(key, reply, |sim, reply| sim.step_after_changes(step, reply));
-            }
-            Message::Reset { key, saved, reply } => {
-                self.alter(key, reply, |sim, reply| sim.reset_between_ticks(saved, reply));
-            }
-            Message::Tokens { key, hashes, reply } => {
-                self.set_tokens(key, hashes, reply);
-            }
-            Message::Snapshot { key, reply } => {
-                self.order(key, reply, |sim, reply| sim.next.snapshots.push(reply));
-            }
-            Message::Gather { key, tiles, reply } => {
-                self.order(key, reply, |sim, reply| sim.next.gathers.push((tiles, reply)));
-            }
-            Message::Sample { key, columns, y0, height, reply } => {
-                self.order(key, reply, |sim, reply| {
-                    let dt = sim.cycle_length();
-                    sim.next.samples.push((SampleBox { columns, y0, height, dt }, reply));
-                });
-            }
-            Message::Mass { key, reply } => {
-                self.order(key, reply, |sim, reply| sim.next.tallies.push(reply));
-            }
-            Message::Inspect { key, look, reply } => {
-                let result = self.with(key, |simulation| look(simulation));
-                // Here and below: whoever has gone away needs no answer.
-                reply.give(result);
-            }
-            Message::Unlock { session, reply } => self.unlock(session, reply),
+            Message::Request { key, request } => self.post(key, request)?,
+            Message::Control { key, control } => self.control(key, control)?,
             Message::Woken { key, generation, decoded } => {
                 self.woken(key, generation, *decoded)?;
             }
-            Message::Wake { .. } | Message::Nudge => {}
+            Message::Nudge => {}
             Message::Break(Fault::LoseDevice) => self.backend.lose(),
             Message::Break(Fault::Panic) => panic!("a test asked for this"),
             Message::Stop(deadline) => {
@@ -90,6 +47,39 @@ impl Engine {
             }
         }
         Ok(true)
+    }
+
+    /// Does something of a session at once.
+    ///
+    /// # Errors
+    /// Those of the backend, where a session that panicked is brought back.
+    fn control(&mut self, key: u64, control: Control) -> Result<(), EngineError> {
+        let Some(session) = self.session(key).cloned() else {
+            control.refuse(&gone());
+            return Ok(());
+        };
+        match control {
+            Control::Delete(reply) => self.delete(key, Some(reply)),
+            Control::Tokens(hashes, reply) => self.set_tokens(session, hashes, reply),
+            Control::Unlock(reply) => self.unlock(session, reply),
+            Control::Wake => self.wake(key)?,
+        }
+        Ok(())
+    }
+
+    /// A session, wherever its snow is.
+    pub(super) fn session(&self, key: u64) -> Option<&Arc<Session>> {
+        let simulated = self.simulations.get(&key).map(|simulation| &simulation.session);
+        let waking = || self.waking.get(&key).map(Waking::session);
+        simulated.or_else(|| self.hibernating.get(&key)).or_else(waking)
+    }
+
+    /// The life that a session is in.
+    pub(super) fn generation(&self, key: u64) -> u64 {
+        match self.simulations.get(&key) {
+            Some(simulation) => simulation.log.generation(),
+            None => self.journal.generation(key),
+        }
     }
 
     fn create(
@@ -125,16 +115,12 @@ impl Engine {
     }
 
     /// Gives a session other tokens, once that is durable.
-    fn set_tokens(&mut self, key: u64, tokens: TokenHashes, reply: Answer<()>) {
-        let (session, generation) = match self.simulations.get(&key) {
-            Some(simulation) => (Some(&simulation.session), simulation.log.generation()),
-            None => (self.hibernating.get(&key), self.journal.generation(key)),
-        };
-        let refusal = self.journal.refusal().or_else(|| session.is_none().then(gone));
-        let (None, Some(session)) = (refusal.clone(), session.cloned()) else {
-            reply.refuse(&refusal.unwrap_or_else(gone));
+    fn set_tokens(&mut self, session: Arc<Session>, tokens: TokenHashes, reply: Answer<()>) {
+        if let Some(why) = self.journal.refusal() {
+            reply.refuse(&why);
             return;
-        };
+        }
+        let (key, generation) = (session.key, self.generation(session.key));
         let identity = Arc::new(Identity { tokens, ..session.identity() });
         let ack: Ack = Box::new(move |durable| {
             if durable.is_ok() {
@@ -147,56 +133,6 @@ impl Engine {
         self.journal.send();
     }
 
-    /// As [`Engine::order`], for what has to be durable.
-    fn alter<T>(
-        &mut self,
-        key: u64,
-        reply: Answer<T>,
-        act: impl FnOnce(&mut Simulation, Answer<T>),
-    ) {
-        match self.journal.refusal() {
-            Some(why) => reply.refuse(&why),
-            None => self.order(key, reply, act),
-        }
-    }
-
-    /// Hands a request with its answer to a simulation, and sees to it that it gets a frame.
-    fn order<T>(
-        &mut self,
-        key: u64,
-        reply: Answer<T>,
-        act: impl FnOnce(&mut Simulation, Answer<T>),
-    ) {
-        if !self.simulations.contains_key(&key) {
-            reply.refuse(&gone());
-            return;
-        }
-        let frame = self.frame;
-        self.guard(key, |simulation| {
-            simulation.catch_up(frame);
-            act(simulation, reply);
-        });
-        self.review(key);
-    }
-
-    fn with<T>(
-        &mut self,
-        key: u64,
-        act: impl FnOnce(&mut Simulation) -> T,
-    ) -> Result<T, SessionError> {
-        if !self.simulations.contains_key(&key) {
-            return Err(gone());
-        }
-        let frame = self.frame;
-        let caught_up = |simulation: &mut Simulation| {
-            simulation.catch_up(frame);
-            act(simulation)
-        };
-        self.guard(key, caught_up).ok_or_else(|| {
-            SessionError::Internal("the session failed; it is back as it was stored".to_owned())
-        })
-    }
-
     /// Takes a session out of the world. Whoever waits for it gets `why`.
     pub(super) fn remove(&mut self, key: u64, why: &SessionError) {
         let Some(simulation) = self.simulations.remove(&key) else { return };
@@ -206,6 +142,7 @@ impl Engine {
         self.backend.release(simulation.slot);
         self.slots.give_back(simulation.slot);
         let session = simulation.session.clone();
+        self.refuse_mail(key, why);
         self.forget(key, &session);
         self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
         simulation.refuse_all(why);

@@ -15,7 +15,6 @@ use crate::session::handle::Session;
 use crate::session::journal::{Log, Record, Replay, Stored, Submission};
 use crate::session::message::Message;
 use crate::session::object_rows::ObjectRows;
-use crate::session::orders::Orders;
 use crate::session::portion::Portions;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
@@ -32,8 +31,6 @@ pub(super) struct Revival {
     stored: Stored,
     /// The server has just been started: the mirror knows no heights.
     at_start: bool,
-    /// Reads that wait for it.
-    reads: Orders,
     /// What has to be written before it comes back, beside its mark.
     first: Vec<Record>,
 }
@@ -41,12 +38,12 @@ pub(super) struct Revival {
 impl Revival {
     /// Of a session that was stored when the server was started.
     pub fn at_start(session: Arc<Session>, stored: Stored, first: Vec<Record>) -> Revival {
-        Revival { session, stored, at_start: true, reads: Orders::default(), first }
+        Revival { session, stored, at_start: true, first }
     }
 
     /// Of a session that has lost its memory on the device.
     pub fn anew(session: Arc<Session>, stored: Stored) -> Revival {
-        Revival { session, stored, at_start: false, reads: Orders::default(), first: Vec::new() }
+        Revival { session, stored, at_start: false, first: Vec::new() }
     }
 
     /// How far it has come, for the journal: its time stands still from there.
@@ -60,11 +57,6 @@ impl Revival {
         let mut submission = self.mark();
         submission.records.splice(0..0, std::mem::take(&mut self.first));
         submission
-    }
-
-    /// With reads that wait for it.
-    pub fn with(self, reads: Orders) -> Revival {
-        Revival { reads, ..self }
     }
 }
 
@@ -183,7 +175,6 @@ impl Engine {
         let copy = |revival: &mut Revival| Revival {
             session: revival.session.clone(),
             stored: revival.stored.clone(),
-            reads: std::mem::take(&mut revival.reads),
             first: Vec::new(),
             ..*revival
         };
@@ -243,7 +234,7 @@ impl Engine {
             Err(EngineError::OutOfMemory(why)) => return Ok(Err(self.hibernate_on(revival, why))),
             Err(failure) => return Err(failure),
         };
-        let Revival { session, stored, at_start, reads, .. } = revival;
+        let Revival { session, stored, at_start, .. } = revival;
         let key = session.key;
         session.hibernating.store(false, Ordering::Relaxed);
         let mut log = Log::resumed(&stored);
@@ -260,7 +251,6 @@ impl Engine {
         self.simulations.set_active(key, true);
         self.guard(key, |simulation| {
             simulation.begin_replay(snapshot.as_ref(), Replay::new(&stored, at_start));
-            simulation.waiting_reads = reads;
         });
         Ok(Ok(()))
     }
@@ -291,12 +281,12 @@ impl Engine {
     /// Leaves a session hibernating for which there is no room.
     fn hibernate_on(&mut self, revival: Revival, why: String) -> SessionError {
         let mark = revival.mark();
-        let Revival { session, reads, .. } = revival;
+        let Revival { session, .. } = revival;
         warn!(session = session.id, "it goes on hibernating: {why}");
         session.hibernating.store(true, Ordering::Relaxed);
         let why = SessionError::OutOfMemory(why);
-        reads.refuse(&why);
         let key = session.key;
+        self.refuse_mail(key, &why);
         self.hibernating.insert(key, session);
         self.count_hibernating();
         self.journal.add(mark);
@@ -306,12 +296,12 @@ impl Engine {
 
     /// Gives up a session that can't be brought back.
     fn set_aside(&mut self, revival: Revival, why: &SessionError) -> SessionError {
-        let Revival { session, at_start, reads, .. } = revival;
+        let Revival { session, at_start, .. } = revival;
         let why = reasons(why);
         error!(session = session.id, "its checkpoint can't be read, and stays stored: {why}");
         self.vitals.store.lost(1);
         let why = SessionError::Internal(why);
-        reads.refuse(&why);
+        self.refuse_mail(session.key, &why);
         if !at_start {
             self.forget(session.key, &session);
         }
@@ -333,10 +323,7 @@ impl Engine {
         }
         let frame = self.frame;
         for &key in keys {
-            self.guard(key, |simulation| {
-                simulation.frame = frame;
-                simulation.next.add_reads(std::mem::take(&mut simulation.waiting_reads));
-            });
+            self.guard(key, |simulation| simulation.frame = frame);
         }
         keys.iter().for_each(|&key| self.simulations.set_active(key, true));
         self.carry_out_frame(true).map(drop)

@@ -142,6 +142,7 @@ impl Engine {
     /// Tells everybody who waits that it was for nothing, and takes all sessions off the device.
     fn refuse_everybody(&mut self, why: &str) {
         let why = SessionError::Unavailable(format!("{why}; nothing was changed, try again"));
+        std::mem::take(&mut self.mail).into_values().for_each(|inbox| inbox.refuse(&why));
         self.journal.abandon(&why);
         self.journal.flush();
         self.fallen.clear();

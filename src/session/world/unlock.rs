@@ -18,10 +18,7 @@ impl Engine {
             return;
         }
         let key = session.key;
-        let generation = match self.simulations.get(&key) {
-            Some(simulation) => simulation.log.generation(),
-            None => self.journal.generation(key),
-        };
+        let generation = self.generation(key);
         let ack: Ack = Box::new(move |durable| {
             if durable.is_ok() {
                 info!(session = session.id, "unlocked");

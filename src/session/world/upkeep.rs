@@ -181,7 +181,7 @@ impl Engine {
         });
         for &key in keys {
             let Some(mut simulation) = self.simulations.remove(&key) else {
-                self.wake_anew(key, &why);
+                self.wake_anew(key);
                 continue;
             };
             self.backend.release(simulation.slot);
@@ -189,20 +189,15 @@ impl Engine {
             if self.checkpointing == Some(key) {
                 self.checkpointing = None;
             }
-            self.give_up_waking(key, &why);
+            self.waking.remove(&key);
             let session = simulation.session.clone();
-            let reads = simulation.next.take_reads();
             let until = simulation.until(self.frame);
             simulation.refuse_all(&why);
             match self.journal.new_life(key, until) {
                 Some(stored) => {
-                    let revival = Revival::anew(session, stored).with(reads);
-                    self.comebacks.insert(key, revival);
+                    self.comebacks.insert(key, Revival::anew(session, stored));
                 }
-                None => {
-                    reads.refuse(&why);
-                    self.forget(key, &session);
-                }
+                None => self.forget(key, &session),
             }
         }
         self.bring_back()
@@ -254,10 +249,7 @@ impl Engine {
 
     /// Deletes a session: first from the store, then from the device.
     pub(super) fn delete(&mut self, key: u64, reply: Option<Answer<()>>) {
-        let generation = match self.simulations.get(&key) {
-            Some(simulation) => simulation.log.generation(),
-            None => self.journal.generation(key),
-        };
+        let generation = self.generation(key);
         let begun = self.leaving.contains_key(&key);
         self.leaving.entry(key).or_default().extend(reply);
         if !begun {
@@ -294,6 +286,7 @@ impl Engine {
     pub(super) fn forget(&mut self, key: u64, session: &Session) {
         self.ends.remove(key);
         self.saves.remove(key);
+        self.refuse_mail(key, &gone());
         self.names.forget(session);
     }
 }

@@ -22,30 +22,20 @@ use super::revive::{Decoded, Revival};
 pub(super) struct Waking {
     session: Arc<Session>,
     stored: Stored,
-    /// Requests that wait for it.
-    waiting: Vec<Message>,
+}
+
+impl Waking {
+    pub fn session(&self) -> &Arc<Session> {
+        &self.session
+    }
 }
 
 impl Engine {
-    /// Has a request wait for its session, where that is being woken or has to be. Returns it where not.
+    /// Wakes a session, if it hibernates, and brings it back, if it has panicked.
     ///
     /// # Errors
-    /// Those of the backend, where a session that panicked is brought back.
-    pub(super) fn put_off(&mut self, message: Message) -> Result<Option<Message>, EngineError> {
-        let Some(key) = message.key() else { return Ok(Some(message)) };
-        if message.wakes() {
-            self.wake(key)?;
-        }
-        if let Message::Wake { .. } = message {
-            return Ok(None);
-        }
-        let Some(waking) = self.waking.get_mut(&key) else { return Ok(Some(message)) };
-        waking.waiting.push(message);
-        Ok(None)
-    }
-
-    /// Wakes a session, if it hibernates, and brings it back, if it has panicked.
-    fn wake(&mut self, key: u64) -> Result<(), EngineError> {
+    /// Those of the backend, where it is brought back.
+    pub(super) fn wake(&mut self, key: u64) -> Result<(), EngineError> {
         let frame = self.frame;
         if let Some(simulation) = self.simulations.get_mut(&key)
             && simulation.frozen
@@ -60,25 +50,22 @@ impl Engine {
         let Some(session) = self.hibernating.remove(&key) else { return Ok(()) };
         self.count_hibernating();
         match self.journal.new_life(key, 0) {
-            Some(stored) => self.begin_to_wake(session, stored, Vec::new()),
+            Some(stored) => self.begin_to_wake(session, stored),
             None => self.forget(key, &session),
         }
         Ok(())
     }
 
     /// Begins anew to wake a session of which something was not made durable after that had begun.
-    pub(super) fn wake_anew(&mut self, key: u64, why: &SessionError) {
-        let Some(Waking { session, waiting, .. }) = self.waking.remove(&key) else { return };
+    pub(super) fn wake_anew(&mut self, key: u64) {
+        let Some(Waking { session, .. }) = self.waking.remove(&key) else { return };
         match self.journal.new_life(key, 0) {
-            Some(stored) => self.begin_to_wake(session, stored, waiting),
-            None => {
-                waiting.into_iter().for_each(|message| message.refuse(why));
-                self.forget(key, &session);
-            }
+            Some(stored) => self.begin_to_wake(session, stored),
+            None => self.forget(key, &session),
         }
     }
 
-    fn begin_to_wake(&mut self, session: Arc<Session>, stored: Stored, waiting: Vec<Message>) {
+    fn begin_to_wake(&mut self, session: Arc<Session>, stored: Stored) {
         debug!(session = session.id, "wakes");
         let (maker, woken, kept) = (self.backend.maker(), session.clone(), stored.clone());
         let read = move || {
@@ -91,7 +78,7 @@ impl Engine {
             let _ = woken.world.blocking_send(Message::Woken { key, generation, decoded });
         };
         machine::aside(Box::new(read), |work| drop(self.clock.spawn_blocking(work)));
-        self.waking.insert(session.key, Waking { session, stored, waiting });
+        self.waking.insert(session.key, Waking { session, stored });
     }
 
     /// Takes in a session that was decoded, and begins to restore it.
@@ -127,12 +114,8 @@ impl Engine {
         }
     }
 
-    /// Takes in what a frame has done of sessions that are being restored. Those that are awake get the
-    /// requests that have waited.
-    ///
-    /// # Errors
-    /// Those of the backend.
-    pub(super) fn advance_waking(&mut self) -> Result<(), EngineError> {
+    /// Takes in what a frame has done of sessions that are being restored.
+    pub(super) fn advance_waking(&mut self) {
         let keys: Vec<u64> = self.waking.keys().copied().collect();
         for key in keys {
             // Where it had to wait for another frame, nothing of it is done.
@@ -143,14 +126,11 @@ impl Engine {
             let frame = self.frame;
             // No time has passed until now.
             self.guard(key, |simulation| simulation.frame = frame);
-            let waiting = self.waking.remove(&key).map_or_else(Vec::new, |waking| waking.waiting);
+            self.waking.remove(&key);
             self.review(key);
             self.schedule(key);
-            for message in waiting {
-                self.take_message(message)?;
-            }
         }
-        Ok(())
+        self.busy |= self.has_mail();
     }
 
     /// Gives up waking a session. Whoever waits for it is told why.
@@ -159,8 +139,8 @@ impl Engine {
         key: u64,
         why: &SessionError,
     ) -> Option<(Arc<Session>, Stored)> {
-        let Waking { session, stored, waiting } = self.waking.remove(&key)?;
-        waiting.into_iter().for_each(|message| message.refuse(why));
+        let Waking { session, stored } = self.waking.remove(&key)?;
+        self.refuse_mail(key, why);
         Some((session, stored))
     }
 

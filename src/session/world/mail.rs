@@ -1,0 +1,66 @@
+//! What sessions are asked: it waits in their inboxes, wherever their snow is, and is taken in between two
+//! frames.
+
+use firn_engine::frame::EngineError;
+
+use crate::session::error::SessionError;
+use crate::session::inbox::Request;
+use crate::session::simulation::Simulation;
+
+use super::engine::Engine;
+use super::requests::gone;
+
+impl Engine {
+    /// Puts a request into the inbox of its session, and wakes that.
+    ///
+    /// # Errors
+    /// Those of the backend, where a session that panicked is brought back.
+    pub(super) fn post(&mut self, key: u64, request: Request) -> Result<(), EngineError> {
+        if self.session(key).is_none() {
+            request.refuse(&gone());
+            return Ok(());
+        }
+        self.mail.entry(key).or_default().push(request);
+        self.wake(key)
+    }
+
+    /// Has sessions take in what waits for them, as far as they can.
+    pub(super) fn drain_mail(&mut self) {
+        let refusal = self.journal.refusal();
+        let (frame, most) = (self.frame, self.config.limits.colliders_per_session);
+        let keys: Vec<u64> = self.mail.keys().copied().collect();
+        for key in keys {
+            if !self.is_at_work(key) {
+                continue;
+            }
+            let Some(mut inbox) = self.mail.remove(&key) else { continue };
+            self.guard(key, |simulation: &mut Simulation| {
+                simulation.catch_up(frame);
+                simulation.drain(&mut inbox, most, refusal.as_ref());
+            });
+            if !inbox.is_empty() {
+                self.mail.insert(key, inbox);
+            }
+            self.review(key);
+        }
+    }
+
+    /// Whether anything waits that a coming frame may take in.
+    pub(super) fn has_mail(&self) -> bool {
+        let takes = |key, inbox| self.simulations.get(key).is_some_and(|sim| sim.takes(inbox));
+        self.mail.iter().any(|(key, inbox)| self.is_at_work(*key) && takes(key, inbox))
+    }
+
+    /// Tells everybody who waits for a session why there is no answer.
+    pub(super) fn refuse_mail(&mut self, key: u64, why: &SessionError) {
+        if let Some(inbox) = self.mail.remove(&key) {
+            inbox.refuse(why);
+        }
+    }
+
+    fn is_at_work(&self, key: u64) -> bool {
+        self.simulations.contains_key(&key)
+            && !self.waking.contains_key(&key)
+            && !self.fallen.contains(&key)
+    }
+}
