@@ -8,7 +8,8 @@ use std::sync::atomic::Ordering;
 use firn_protocol::{ColliderView, Event, MemoryBytes, SessionSpec, SnowLayer, UsageView};
 
 use super::handle::{EVENT_BACKLOG, Session};
-use super::simulation::{Collider, Simulation};
+use super::simulation::Simulation;
+use super::state::Collider;
 
 /// What an object takes beside its descriptions: its name, places in maps, and its load.
 const OBJECT: usize = 208;

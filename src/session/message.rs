@@ -25,11 +25,21 @@ pub(super) enum Message {
         reply: Answer<()>,
     },
     /// Waits in the session's inbox.
-    Request { key: u64, request: Request },
+    Request {
+        key: u64,
+        request: Request,
+    },
     /// Does not wait for what is in the session's inbox.
-    Control { key: u64, control: Control },
+    Control {
+        key: u64,
+        control: Control,
+    },
     /// What is stored of a session that is being woken has been read, in the life that it is of.
-    Woken { key: u64, generation: u64, decoded: Box<Result<Decoded, SessionError>> },
+    Woken {
+        key: u64,
+        generation: u64,
+        decoded: Box<Result<Decoded, SessionError>>,
+    },
     /// Something is to be heard from the journal.
     Nudge,
     Break(Fault),

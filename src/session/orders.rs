@@ -20,6 +20,8 @@ pub(super) const MOST_CHANGES: usize = 4096;
 #[derive(Debug, Default)]
 pub(super) struct Orders {
     pub edits: Vec<Edit>,
+    /// Edits whose outcome goes into the ledger.
+    pub counted: Vec<Counted>,
     /// Changes that were made or refused for it, each object of a batch for itself.
     pub changes: usize,
     pub wake: bool,
@@ -35,8 +37,17 @@ pub(super) struct Orders {
     pub checkpoint: bool,
     /// Settings, colliders or anything else that has no tile changed.
     pub changed: bool,
-    /// Edits that came before the reset, where there is one.
-    pub reset: Option<usize>,
+    /// There is a reset among it.
+    pub reset: bool,
+}
+
+/// An edit of which the device finds out what goes into the ledger.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Counted {
+    /// What of a snowfall found no room.
+    Refused(usize),
+    /// What was cleared away.
+    Cleared(usize),
 }
 
 /// What went with the frame in flight.
@@ -55,30 +66,19 @@ pub(super) enum Reply {
     Created(Answer<()>),
     /// To a reset, and to a step that has ended.
     Done(Answer<()>),
-    /// To a change; nobody waits where it is repeated.
-    Change { kind: ReplyKind, once: Option<Once>, answer: Option<Answer<Applied>> },
-    /// To nobody: snow that fell by itself. Only the ledger wants to know what was refused.
-    Snowfall { edit: usize },
-}
-
-impl Reply {
-    fn is_awaited(&self) -> bool {
-        !matches!(self, Reply::Snowfall { .. } | Reply::Change { answer: None, .. })
-    }
+    /// To a change, of which `edit` was the last edit.
+    Change { told: Told, edit: usize, once: Option<Once>, answer: Answer<Applied> },
 }
 
 /// What the answer to a change tells.
 #[derive(Clone, Debug)]
-pub(super) enum ReplyKind {
+pub(super) enum Told {
     /// `refused` is what was refused without asking the backend.
     Snowfall {
-        edit: usize,
         fallen: u128,
         refused: u128,
     },
-    Clearing {
-        edit: usize,
-    },
+    Clearing,
     AirTemperature,
     Collider {
         id: Arc<str>,
@@ -101,12 +101,12 @@ impl Orders {
 
     /// Whether a frame is to be published at once.
     pub fn want_answers(&self) -> bool {
-        !self.replies.is_empty() || self.want_reads()
+        self.are_awaited() || !self.counted.is_empty()
     }
 
     /// Whether somebody waits for the frame: nobody does for snow that falls by itself.
     pub fn are_awaited(&self) -> bool {
-        self.replies.iter().any(Reply::is_awaited) || self.want_reads()
+        !self.replies.is_empty() || self.want_reads()
     }
 
     fn want_reads(&self) -> bool {
@@ -122,8 +122,7 @@ impl Orders {
         for reply in self.replies {
             match reply {
                 Reply::Created(answer) | Reply::Done(answer) => answer.refuse(why),
-                Reply::Change { answer: Some(answer), .. } => answer.refuse(why),
-                Reply::Change { answer: None, .. } | Reply::Snowfall { .. } => {}
+                Reply::Change { answer, .. } => answer.refuse(why),
             }
         }
         self.gathers.into_iter().for_each(|(_, answer)| answer.refuse(why));

@@ -14,8 +14,9 @@ use super::gather::{Gathered, Sampled};
 use super::journal::Taken;
 use super::mirror::Mirror;
 use super::once::Done;
-use super::orders::{Orders, Reply, ReplyKind};
-use super::simulation::{Collider, Simulation};
+use super::orders::{Counted, Orders, Reply, Told};
+use super::simulation::Simulation;
+use super::state::Collider;
 
 impl Simulation {
     /// Takes in the outcome of the frame in flight; `tiles` are those of it that changed.
@@ -43,33 +44,25 @@ impl Simulation {
             let orders = std::mem::take(&mut self.flight.orders);
             let stamp = self.publish(&orders, &outcome, tiles);
             let settled = settles.then_some(Event::Settled { stamp });
-            let reset = orders.reset.map(|_| Event::Reset { stamp });
+            let reset = orders.reset.then_some(Event::Reset { stamp });
             self.answer(orders, outcome, stamp);
             for event in reset.into_iter().chain(settled) {
                 self.tell(event);
             }
         } else if settles {
-            let stamp = Stamp { tick: self.clock.tick(), seq: self.session.mirror().seq };
+            let stamp = Stamp { tick: self.state.clock.tick(), seq: self.session.mirror().seq };
             self.tell(Event::Settled { stamp });
         }
         self.deposit_falling();
     }
 
-    /// Enters what the frame's edits refused and cleared, those before a reset left out.
+    /// Enters what the frame's edits refused and cleared.
     fn enter_ledger(&mut self, edits: &[u64]) {
-        let since = self.flight.orders.reset.unwrap_or(0);
-        for reply in &self.flight.orders.replies {
-            match *reply {
-                Reply::Snowfall { edit, .. }
-                | Reply::Change { kind: ReplyKind::Snowfall { edit, .. }, .. }
-                    if edit >= since =>
-                {
-                    self.ledger.refused += u128::from(edits[edit]);
-                }
-                Reply::Change { kind: ReplyKind::Clearing { edit }, .. } if edit >= since => {
-                    self.ledger.cleared += u128::from(edits[edit]);
-                }
-                _ => {}
+        let ledger = &mut self.state.ledger;
+        for counted in &self.flight.orders.counted {
+            match *counted {
+                Counted::Refused(edit) => ledger.refused += u128::from(edits[edit]),
+                Counted::Cleared(edit) => ledger.cleared += u128::from(edits[edit]),
             }
         }
     }
@@ -106,7 +99,7 @@ impl Simulation {
         mirror.seq = seq;
         drop(mirror);
         self.unpublished = false;
-        let stamp = Stamp { tick: self.clock.tick(), seq };
+        let stamp = Stamp { tick: self.state.clock.tick(), seq };
         if changed {
             session.published.send_replace(stamp);
         }
@@ -131,19 +124,19 @@ impl Simulation {
 
     /// Everything of the mirror that costs nothing to copy.
     fn write_clock(&self, mirror: &mut Mirror) {
-        mirror.clock = self.clock;
+        mirror.clock = self.state.clock;
         mirror.resting_since = self.passes().then_some(self.frame);
         mirror.settled = self.is_settled();
-        mirror.mass_quanta = self.ledger.present();
-        mirror.settings = self.settings;
-        mirror.material = self.material;
+        mirror.mass_quanta = self.state.ledger.present();
+        mirror.settings = self.state.settings;
+        mirror.material = self.state.material;
     }
 
     /// Takes in how objects touch the snow. On snow that has settled all of them rest: cycles that
     /// would find that are not carried out any more.
     fn take_contacts(&mut self, contacts: &[(Arc<str>, Contact)]) {
         for (id, contact) in contacts {
-            if let Some(collider) = self.colliders.get_mut(id) {
+            if let Some(collider) = self.state.colliders.get_mut(id) {
                 let resting = contact.resting || self.settled;
                 collider.contact = Contact { resting, ..*contact };
             }
@@ -153,7 +146,7 @@ impl Simulation {
     fn collider_views(&self) -> Arc<[ColliderView]> {
         let (ground, _) = self.session.ground;
         let grid = &self.session.spec.grid;
-        self.colliders.iter().map(|(id, collider)| view(id, collider, grid, ground)).collect()
+        self.state.colliders.iter().map(|(id, collider)| view(id, collider, grid, ground)).collect()
     }
 
     /// Answers everybody who waited for this frame.
@@ -164,10 +157,10 @@ impl Simulation {
                 Reply::Created(answer) | Reply::Done(answer) => {
                     self.log.acknowledge(Box::new(|durable| answer.give(durable)));
                 }
-                Reply::Change { answer: None, .. } | Reply::Snowfall { .. } => {}
-                Reply::Change { kind, once, answer: Some(answer) } => {
-                    let set = matches!(kind, ReplyKind::AirTemperature | ReplyKind::Settings);
-                    let applied = self.applied(kind, &outcome.edits, stamp);
+                Reply::Change { told, edit, once, answer } => {
+                    let set = matches!(told, Told::AirTemperature | Told::Settings);
+                    let found = outcome.edits.get(edit).copied().unwrap_or_default();
+                    let applied = self.applied(told, found, stamp);
                     self.tell_of(&applied, set, stamp);
                     if let Some(once) = once {
                         let now = self.session.answered.now();
@@ -181,7 +174,7 @@ impl Simulation {
         }
         for answer in orders.tallies {
             let grid = &self.session.spec.grid;
-            answer.give(Ok(self.ledger.view(stamp, outcome.mass, grid)));
+            answer.give(Ok(self.state.ledger.view(stamp, outcome.mass, grid)));
         }
         for ((_, answer), cells) in orders.samples.into_iter().zip(outcome.samples) {
             answer.give(Ok(Sampled { stamp, cells }));
@@ -189,7 +182,7 @@ impl Simulation {
         let mut gathered = outcome.gathered.into_iter();
         for (wanted, answer) in orders.gathers {
             let tiles = gathered.by_ref().take(wanted.len()).collect();
-            answer.give(Ok(Gathered { stamp, material: self.material, tiles }));
+            answer.give(Ok(Gathered { stamp, material: self.state.material, tiles }));
         }
         let all = Arc::new(gathered.collect::<Vec<_>>());
         if orders.checkpoint {
@@ -211,28 +204,29 @@ impl Simulation {
             Applied::Clearing(ClearingReply { cleared_mass, .. }) => {
                 self.tell(Event::Clearing { stamp, cleared_mass });
             }
-            _ if set => self.tell(Event::Settings { stamp, settings: self.settings }),
+            _ if set => self.tell(Event::Settings { stamp, settings: self.state.settings }),
             _ => {}
         }
     }
 
-    fn applied(&self, kind: ReplyKind, edits: &[u64], stamp: Stamp) -> Applied {
+    /// What is answered to a change, of whose last edit the device `found` something.
+    fn applied(&self, told: Told, found: u64, stamp: Stamp) -> Applied {
         let grid = &self.session.spec.grid;
-        match kind {
-            ReplyKind::Snowfall { edit, fallen, refused } => Applied::Snowfall(SnowfallReply {
+        match told {
+            Told::Snowfall { fallen, refused } => Applied::Snowfall(SnowfallReply {
                 stamp,
                 fallen_mass: grid.kilograms(fallen),
-                refused_mass: grid.kilograms(refused + u128::from(edits[edit])),
+                refused_mass: grid.kilograms(refused + u128::from(found)),
             }),
-            ReplyKind::Clearing { edit } => Applied::Clearing(ClearingReply {
+            Told::Clearing => Applied::Clearing(ClearingReply {
                 stamp,
-                cleared_mass: grid.kilograms(edits[edit].into()),
+                cleared_mass: grid.kilograms(found.into()),
             }),
-            ReplyKind::AirTemperature => Applied::AirTemperature(AirTemperatureReply {
+            Told::AirTemperature => Applied::AirTemperature(AirTemperatureReply {
                 stamp,
-                celsius: self.settings.air_temperature,
+                celsius: self.state.settings.air_temperature,
             }),
-            ReplyKind::Collider { id, created } => {
+            Told::Collider { id, created } => {
                 let mirror = self.session.mirror();
                 let place = mirror.colliders.binary_search_by(|view| (*view.id).cmp(&id));
                 match place {
@@ -244,7 +238,7 @@ impl Simulation {
                     Err(_) => Applied::Stamp(stamp),
                 }
             }
-            ReplyKind::Settings | ReplyKind::Stamp => Applied::Stamp(stamp),
+            Told::Settings | Told::Stamp => Applied::Stamp(stamp),
         }
     }
 

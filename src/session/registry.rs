@@ -244,7 +244,8 @@ impl Sessions {
         let session = Visit::begin(session);
         if session.hibernating.load(Ordering::SeqCst) {
             // A queue that is full wakes it with what is asked for next.
-            let _ = self.world.try_send(Message::Control { key: session.key, control: Control::Wake });
+            let _ =
+                self.world.try_send(Message::Control { key: session.key, control: Control::Wake });
         }
         session
     }

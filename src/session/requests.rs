@@ -39,6 +39,7 @@ impl Session {
         change: Change,
         once: Option<Once>,
     ) -> Result<Applied, SessionError> {
+        let change = named(change);
         let bytes = change.bytes();
         match self.answered.answer(once.as_ref()) {
             Some(applied) => Ok(applied),
@@ -200,6 +201,14 @@ impl Session {
         let message = |reply| Message::Control { key: self.key, control: control(reply) };
         message::ask(&self.world, None, message).await
     }
+}
+
+/// A change, in which an object that had no name has one.
+fn named(mut change: Change) -> Change {
+    if let Change::CreateCollider(spec) | Change::PutCollider(spec) = &mut change {
+        spec.id.get_or_insert_with(|| machine::ulid().to_string());
+    }
+    change
 }
 
 /// Does work that takes a while off the threads that serve requests.

@@ -1,26 +1,22 @@
 //! One session on the world's thread: what it is, what it has to do in the next frame, and what
 //! came of it.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use firn_engine::frame::{Deposit, Edit, Layout, Slot};
-use firn_protocol::{SessionSpec, Settings};
-use firn_snow::{CELL, ColumnRect, Contact, MASS_QUANTA, Material, Position, Shape};
+use firn_engine::frame::{Edit, Layout, Slot};
+use firn_protocol::SessionSpec;
 
 use super::answer::Answer;
 use super::charge::Charge;
-use super::clock::Clock;
+use super::command::Command;
 use super::error::SessionError;
-use super::falling::{Falling, Snowing};
-use super::gather::Ledger;
 use super::handle::Session;
 use super::journal::{Event, Log, Replay};
 use super::object_rows::ObjectRows;
-use super::orders::{Flight, Orders, Reply, ReplyKind};
+use super::orders::{Flight, Orders, Reply};
 use super::portion::Portions;
-use super::reach::Reach;
 use super::snapshot::Snapshot;
+use super::state::SessionState;
 use super::step::StepJob;
 
 /// A session on the world's thread.
@@ -28,17 +24,12 @@ use super::step::StepJob;
 pub struct Simulation {
     pub(super) session: Arc<Session>,
     pub(super) slot: Slot,
-    pub(super) clock: Clock,
+    pub(super) state: SessionState,
     /// Frame up to which ticks have been counted, and ticks counted but not taken yet.
     pub(super) frame: u64,
     pub(super) owed: u64,
-    pub(super) settings: Settings,
-    pub(super) material: Material,
-    pub(super) colliders: BTreeMap<Arc<str>, Collider>,
     /// What they take in the device's tables.
     pub(super) object_rows: ObjectRows,
-    pub(super) ledger: Ledger,
-    pub(super) falling: Falling,
     /// The last executed cycle changed no cell, and nothing was disturbed since.
     pub(super) settled: bool,
     /// As `settled`, and no later cycle can change a cell either.
@@ -70,18 +61,6 @@ pub struct Simulation {
     pub(super) brought_back: bool,
 }
 
-/// An object on the snow.
-#[derive(Clone, Debug)]
-pub(super) struct Collider {
-    pub mass: f64,
-    pub shape: Shape,
-    pub position: Position,
-    /// As last published.
-    pub contact: Contact,
-    /// How far it reaches.
-    pub reach: Reach,
-}
-
 impl Simulation {
     /// A new session without snow.
     pub(super) fn new(
@@ -94,15 +73,10 @@ impl Simulation {
         let spec = &session.spec;
         Simulation {
             slot,
-            clock: Clock::new(spec.tick_rate, spec.time_scale),
+            state: SessionState::new(spec),
             frame,
             owed: 0,
-            settings: spec.settings(),
-            material: spec.material,
-            colliders: BTreeMap::new(),
             object_rows,
-            ledger: Ledger::default(),
-            falling: Falling::default(),
             settled: spec.initial_snow.is_empty(),
             still: false,
             last_dt: None,
@@ -137,52 +111,12 @@ impl Simulation {
         }
         let session = self.session.clone();
         for layer in &session.spec.initial_snow {
-            let density = layer.density.unwrap_or(self.material.fresh_density);
-            let celsius = layer.temperature.unwrap_or(self.settings.air_temperature);
-            self.deposit(session.spec.grid.all(), layer.depth, density, celsius);
-            self.next.replies.push(Reply::Snowfall { edit: self.next.edits.len() - 1 });
+            let density = layer.density.unwrap_or(self.state.material.fresh_density);
+            let celsius = layer.temperature.unwrap_or(self.state.settings.air_temperature) as f32;
+            let (columns, (depth, mass)) =
+                (self.state.grid.all(), self.state.quanta(layer.depth, density));
+            self.carry_out(&Command::Deposit { columns, depth, mass, celsius });
         }
-    }
-
-    /// Lets snow fall in the next frame.
-    pub(super) fn deposit(
-        &mut self,
-        columns: ColumnRect,
-        depth: f64,
-        density: f64,
-        celsius: f64,
-    ) -> ReplyKind {
-        let grid = self.session.spec.grid;
-        let mass = (depth * density * MASS_QUANTA).round() as u64;
-        self.deposit_quanta(columns, grid.thickness_quanta(depth), mass, celsius)
-    }
-
-    fn deposit_quanta(
-        &mut self,
-        columns: ColumnRect,
-        depth: u64,
-        mass: u64,
-        celsius: f64,
-    ) -> ReplyKind {
-        // No column takes more than all its slots; the rest is refused without asking.
-        let room = u64::from(self.session.spec.grid.height) * u64::from(CELL);
-        let (kept_depth, kept_mass) = if depth > room {
-            (room, (u128::from(mass) * u128::from(room) / u128::from(depth)) as u64)
-        } else {
-            (depth, mass)
-        };
-        let fallen = u128::from(mass) * u128::from(columns.columns());
-        let refused = u128::from(mass - kept_mass) * u128::from(columns.columns());
-        self.ledger.fallen += fallen;
-        self.ledger.refused += refused;
-        self.disturb(columns.tiles().columns());
-        self.next.edits.push(Edit::Deposit(Deposit {
-            columns,
-            depth: kept_depth as u32,
-            mass: kept_mass as u32,
-            temperature: celsius as f32,
-        }));
-        ReplyKind::Snowfall { edit: self.next.edits.len() - 1, fallen, refused }
     }
 
     /// Notes that something may move again in so many tiles.
@@ -201,7 +135,7 @@ impl Simulation {
 
     /// Back to the state it was created in. Seqs go on.
     pub(super) fn reset(&mut self, saved: Option<&Snapshot>, answer: Answer<()>) {
-        self.log.record(self.clock.tick(), Event::Reset);
+        self.log.record(self.state.clock.tick(), Event::Reset);
         self.begin_anew(saved);
         self.next.replies.push(Reply::Done(answer));
     }
@@ -209,16 +143,14 @@ impl Simulation {
     pub(super) fn begin_anew(&mut self, saved: Option<&Snapshot>) {
         let session = self.session.clone();
         let spec: &SessionSpec = &session.spec;
-        self.clock = Clock::new(spec.tick_rate, spec.time_scale);
-        self.settings = spec.settings();
-        self.material = spec.material;
-        self.ledger = Ledger::default();
-        self.falling = Falling::default();
         self.last_dt = None;
         self.owed = 0;
-        self.next.reset = Some(self.next.edits.len());
+        self.next.reset = true;
+        // What came before in this frame is of a ledger that is gone.
+        self.next.counted.clear();
         self.object_rows.take(0);
-        let removed = std::mem::take(&mut self.colliders).into_keys();
+        let before = std::mem::replace(&mut self.state, SessionState::new(spec));
+        let removed = before.colliders.into_keys();
         self.next.edits.extend(removed.map(|id| Edit::RemoveCollider { id }));
         self.next.edits.push(Edit::Clear { columns: spec.grid.all(), depth: 0 });
         self.next.edits.push(Edit::SetMaterial(spec.material));
@@ -240,41 +172,42 @@ impl Simulation {
 
     /// Length of the last cycle \[s\]; of the next one where there was none.
     pub(super) fn cycle_length(&self) -> f64 {
-        self.last_dt.or(self.clock.steady_cycle()).unwrap_or(0.0)
+        self.last_dt.or(self.state.clock.steady_cycle()).unwrap_or(0.0)
     }
 
     /// Whether no snow falls and the last executed cycle changed no cell.
     pub(super) fn is_settled(&self) -> bool {
-        self.settled && self.settings.snowfall_rate == 0.0
+        self.settled && self.state.settings.snowfall_rate == 0.0
     }
 
     /// Whether nothing can move in any later tick, so that ticks pass by themselves.
     pub(super) fn is_resting(&self) -> bool {
-        self.settings.snowfall_rate == 0.0 && self.is_still()
+        self.state.settings.snowfall_rate == 0.0 && self.is_still()
     }
 
     /// Whether nothing can move in any tick until it is disturbed, by snow that falls too.
     pub(super) fn is_still(&self) -> bool {
-        let cycle = self.clock.steady_cycle();
+        let cycle = self.state.clock.steady_cycle();
         cycle.is_none_or(|dt| self.still && Some(dt) == self.last_dt)
     }
 
     /// Whether its ticks pass by themselves: nothing moves, and its time goes on.
     pub(super) fn passes(&self) -> bool {
-        !self.settings.paused && !self.frozen && self.is_resting()
+        !self.state.settings.paused && !self.frozen && self.is_resting()
     }
 
     /// Whether nobody has wanted it for so long that it hibernates.
     pub(super) fn is_tired(&self) -> bool {
         let idle = self.session.idle_for();
-        self.settings.idle_timeout_s.is_some_and(|timeout| idle >= timeout)
+        self.state.settings.idle_timeout_s.is_some_and(|timeout| idle >= timeout)
     }
 
     /// Whether the session wants to be in the coming frames.
     pub(super) fn wants_frames(&self) -> bool {
         self.replay.is_some()
             || self.has_orders()
-            || (!self.frozen && (self.unpublished || (!self.settings.paused && !self.is_resting())))
+            || (!self.frozen
+                && (self.unpublished || (!self.state.settings.paused && !self.is_resting())))
     }
 
     /// Whether somebody waits for a frame.
@@ -285,20 +218,13 @@ impl Simulation {
             || self.next.are_urgent()
     }
 
-    /// What falls in a tick.
-    pub(super) fn snowing(&self) -> Snowing {
-        let rate = self.settings.snowfall_rate;
-        let density = self.material.fresh_density;
-        Snowing::new(rate, density, self.clock.dt(), &self.session.spec.grid)
-    }
-
     /// Deposits the continuous snowfall, once there is enough of it.
     pub(super) fn deposit_falling(&mut self) {
-        if let Some((depth, mass)) = self.falling.take(self.clock.tick(), self.snowing()) {
-            let celsius = self.settings.air_temperature;
-            let all = self.session.spec.grid.all();
-            self.deposit_quanta(all, depth, mass, celsius);
-            self.next.replies.push(Reply::Snowfall { edit: self.next.edits.len() - 1 });
+        let (tick, snowing) = (self.state.clock.tick(), self.state.snowing());
+        if let Some((depth, mass)) = self.state.falling.take(tick, snowing) {
+            let celsius = self.state.settings.air_temperature as f32;
+            let columns = self.state.grid.all();
+            self.carry_out(&Command::Deposit { columns, depth, mass, celsius });
         }
     }
 
@@ -314,9 +240,9 @@ impl Simulation {
     pub(super) fn until(&mut self, frame: u64) -> u64 {
         self.catch_up(frame);
         match self.flight.clock_before {
-            _ if self.settings.paused => 0,
+            _ if self.state.settings.paused => 0,
             Some(before) if self.portions.are_under_way() => before.tick(),
-            _ => self.clock.tick(),
+            _ => self.state.clock.tick(),
         }
     }
 

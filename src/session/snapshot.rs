@@ -16,7 +16,7 @@ use self::body::Body;
 use self::description::{Description, SavedCollider};
 use super::error::{Invalid, SessionError};
 use super::reach::Reach;
-use super::simulation::{Collider, Simulation};
+use super::simulation::Simulation;
 use super::spec::Limits;
 
 /// Media type of a snapshot.
@@ -193,7 +193,7 @@ impl Snapshot {
 impl Simulation {
     /// The session as it is now.
     pub(super) fn snapshot(&self, stamp: Stamp, tiles: Arc<Vec<TileCells>>) -> Snapshot {
-        let colliders = self.colliders.iter().map(|(id, collider)| SavedCollider {
+        let colliders = self.state.colliders.iter().map(|(id, collider)| SavedCollider {
             id: id.to_string(),
             mass: collider.mass,
             shape: collider.shape,
@@ -202,11 +202,11 @@ impl Simulation {
         });
         let description = Description {
             spec: SessionSpec { id: None, ..self.session.spec.clone() },
-            settings: self.settings,
-            material: self.material,
-            clock: self.clock,
-            falling: self.falling,
-            ledger: self.ledger,
+            settings: self.state.settings,
+            material: self.state.material,
+            clock: self.state.clock,
+            falling: self.state.falling,
+            ledger: self.state.ledger,
             settled: self.settled,
             last_cycle: self.last_dt,
             colliders: colliders.collect(),
@@ -217,25 +217,15 @@ impl Simulation {
     /// Makes the session what was saved, in the next frame.
     pub(super) fn restore(&mut self, snapshot: &Snapshot) {
         let saved = &snapshot.description;
-        self.settings = saved.settings;
-        self.material = saved.material;
-        self.clock = saved.clock;
-        self.falling = saved.falling;
-        self.ledger = saved.ledger;
+        self.state = saved.state();
         self.settled = saved.settled;
         self.last_dt = saved.last_cycle;
-        let grid = &saved.spec.grid;
-        let collider = |saved: &SavedCollider| {
-            let SavedCollider { mass, shape, position, contact, .. } = *saved;
-            let reach = Reach::new(&shape, grid);
-            (Arc::from(saved.id.as_str()), Collider { mass, shape, position, contact, reach })
-        };
-        self.colliders = saved.colliders.iter().map(collider).collect();
-        self.object_rows.take(self.colliders.values().map(|c| c.reach.words()).sum());
+        let words = self.state.colliders.values().map(|collider| collider.reach.words());
+        self.object_rows.take(words.sum());
         self.next.edits.push(Edit::SetMaterial(saved.material));
         self.next.edits.push(Edit::Restore(Arc::new(snapshot.contents())));
         self.next.changed = true;
-        self.portions.disturb(grid.tiles().into());
+        self.portions.disturb(self.state.grid.tiles().into());
     }
 }
 

@@ -89,12 +89,12 @@ impl StepJob {
 impl Simulation {
     /// Begins a step, or refuses it.
     pub(super) fn begin_step(&mut self, step: &StepSpec, answer: Answer<()>) {
-        let result = if !self.settings.paused {
+        let result = if !self.state.settings.paused {
             Err(SessionError::Conflict("a running session can't be stepped; pause it first".into()))
         } else if self.step.is_some() {
             Err(SessionError::Conflict("the session is being stepped already".into()))
         } else {
-            Goal::new(step, &self.clock)
+            Goal::new(step, &self.state.clock)
         };
         match result {
             Err(error) => answer.give(Err(error)),

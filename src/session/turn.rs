@@ -38,10 +38,10 @@ impl Simulation {
         if self.portions.are_under_way() {
             return;
         }
-        if self.settings.paused || self.frozen {
+        if self.state.settings.paused || self.frozen {
             self.frame = frame;
         } else if self.passes() {
-            self.clock.pass(self.clock.ticks_between(self.frame, frame));
+            self.state.clock.pass(self.state.clock.ticks_between(self.frame, frame));
             self.frame = frame;
         }
     }
@@ -55,7 +55,7 @@ impl Simulation {
             self.flight.publish |= publish && self.replay.is_none();
             return self.portions.go_on(self.flight.publish);
         }
-        let clock_before = self.clock;
+        let clock_before = self.state.clock;
         let mut advance = self.take_ticks(turn);
         if advance.run.cycles > 0 {
             if self.last_dt != Some(advance.run.dt) {
@@ -104,8 +104,9 @@ impl Simulation {
 
     /// Whether it has something to do in a frame.
     pub(super) fn claims(&self, turn: Turn) -> bool {
-        let stands_still = self.settings.paused || self.frozen || (turn.sleep && self.is_still());
-        let ticks = !stands_still && self.clock.ticks_between(self.frame, turn.frame) > 0;
+        let stands_still =
+            self.state.settings.paused || self.frozen || (turn.sleep && self.is_still());
+        let ticks = !stands_still && self.state.clock.ticks_between(self.frame, turn.frame) > 0;
         ticks || self.has_orders() || (self.unpublished && self.is_to_publish(turn))
     }
 
@@ -125,15 +126,19 @@ impl Simulation {
 
     /// Units that one of its cycles costs.
     fn units_of_cycle(&self) -> u64 {
-        let objects = self.colliders.values().map(|collider| &collider.reach);
+        let objects = self.state.colliders.values().map(|collider| &collider.reach);
         self.portions.cycle(&self.session.spec.grid, objects)
     }
 
     /// Lets the ticks up to a frame slip while those before them are under way: they don't pile up.
     fn slip(&mut self, frame: u64, slipped_us: &AtomicU64) {
-        if self.step.is_none() && self.replay.is_none() && !self.settings.paused && !self.frozen {
-            let ticks = self.clock.ticks_between(self.frame, frame);
-            let lag_us = ticks as f64 * 1e6 / self.clock.tick_rate();
+        if self.step.is_none()
+            && self.replay.is_none()
+            && !self.state.settings.paused
+            && !self.frozen
+        {
+            let ticks = self.state.clock.ticks_between(self.frame, frame);
+            let lag_us = ticks as f64 * 1e6 / self.state.clock.tick_rate();
             slipped_us.fetch_add(lag_us as u64, Ordering::Relaxed);
         }
         self.frame = frame;
@@ -151,19 +156,20 @@ impl Simulation {
     fn take_ticks(&mut self, turn: Turn) -> Advance {
         let counts = self.step.is_none() && self.replay.is_none();
         let due = if let Some(replay) = &self.replay {
-            replay.due(self.clock.tick())
+            replay.due(self.state.clock.tick())
         } else if let Some(job) = &self.step {
             job.remaining()
-        } else if self.settings.paused || self.frozen {
+        } else if self.state.settings.paused || self.frozen {
             0
         } else if self.owed > 0 {
             self.slip(turn.frame, turn.slipped_us);
             self.owed
         } else {
-            self.clock.ticks_between(self.frame, turn.frame)
+            self.state.clock.ticks_between(self.frame, turn.frame)
         };
         self.frame = turn.frame;
-        let snow = self.falling.ticks_until_due(self.clock.tick(), self.snowing());
+        let snow =
+            self.state.falling.ticks_until_due(self.state.clock.tick(), self.state.snowing());
         let taken = if self.next.checkpoint { 0 } else { due.min(snow.unwrap_or(u64::MAX)) };
         let passes = turn.sleep && self.is_still();
         let units = self.units_of_cycle();
@@ -173,15 +179,15 @@ impl Simulation {
             true => fitting.max(CYCLES_THAT_ARE_DUE),
             false => fitting,
         };
-        let before = self.clock;
-        let mut advance = self.clock.advance(taken, cycles);
+        let before = self.state.clock;
+        let mut advance = self.state.clock.advance(taken, cycles);
         // Whatever falls at a tick is in its snapshot: that is not made in the frame of the tick.
         let units = units.saturating_mul(advance.run.cycles.into());
         let parted = !passes && self.portions.part(units);
         let apart = parted || (advance.ticks > 0 && !self.next.snapshots.is_empty());
         self.answered_first = apart && !self.answered_first && self.answers_without_ticks();
         if self.answered_first {
-            (self.clock, advance) = (before, Advance::default());
+            (self.state.clock, advance) = (before, Advance::default());
         }
         self.owed = if counts { due - advance.ticks } else { 0 };
         advance
@@ -216,14 +222,14 @@ impl Simulation {
         {
             // The state has been the same since: only the clock has gone on.
             clock.advance(reached, u32::MAX);
-            self.clock = clock;
+            self.state.clock = clock;
             ticks = reached;
         }
         self.advance_goal(ticks);
     }
 
     fn advance_goal(&mut self, ticks: u64) {
-        let (settled, paused) = (self.is_settled(), self.settings.paused);
+        let (settled, paused) = (self.is_settled(), self.state.settings.paused);
         if let Some(job) = &mut self.step {
             job.took(ticks);
             if job.is_over(settled, paused) {

@@ -248,7 +248,7 @@ impl Simulation {
     }
 
     fn progress(&self) -> Progress {
-        let (tick, tick_rate) = (self.clock.tick(), self.clock.tick_rate());
+        let (tick, tick_rate) = (self.state.clock.tick(), self.state.clock.tick_rate());
         let rest = self.passes().then_some(Rest { since: self.frame, tick_rate });
         Progress { tick, seq: self.session.mirror().seq, rest }
     }

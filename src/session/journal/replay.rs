@@ -80,7 +80,7 @@ impl Simulation {
         replay.parted = false;
         let (mut rounds, mut counted, mut reset) = (0, self.next.edits.len(), false);
         while let Some(entry) = replay.entries.front().cloned() {
-            if entry.tick > self.clock.tick() {
+            if entry.tick > self.state.clock.tick() {
                 break;
             }
             // Each reset may bring a whole snowpack along.
@@ -117,7 +117,7 @@ impl Simulation {
         }
         let Some(replay) = &mut self.replay else { return true };
         replay.restores = false;
-        let done = replay.entries.is_empty() && self.clock.tick() >= replay.until;
+        let done = replay.entries.is_empty() && self.state.clock.tick() >= replay.until;
         if done {
             self.replay = None;
             self.portions.begin_anew();

@@ -8,12 +8,12 @@ use firn_snow::{Contact, Footprint, Grid, Material, Position, Shape};
 use serde::{Deserialize, Serialize};
 
 use crate::session::clock::Clock;
+use crate::session::command::ObjectSpec;
 use crate::session::error::{Check, SessionError};
 use crate::session::falling::Falling;
 use crate::session::gather::Ledger;
-use crate::session::reach::Reach;
-use crate::session::simulation::Collider;
 use crate::session::spec::Limits;
+use crate::session::state::{Collider, SessionState};
 
 use super::refused;
 
@@ -52,6 +52,25 @@ impl SavedCollider {
 }
 
 impl Description {
+    /// The host's half of what was saved.
+    pub fn state(&self) -> SessionState {
+        let grid = self.spec.grid;
+        let collider = |saved: &SavedCollider| {
+            let SavedCollider { mass, shape, position, contact, .. } = *saved;
+            let collider = Collider { contact, ..Collider::new(mass, shape, position, &grid) };
+            (Arc::from(saved.id.as_str()), collider)
+        };
+        SessionState {
+            grid,
+            clock: self.clock,
+            settings: self.settings,
+            material: self.material,
+            colliders: self.colliders.iter().map(collider).collect(),
+            ledger: self.ledger,
+            falling: self.falling,
+        }
+    }
+
     /// Notes what no server would have saved.
     pub fn check(&self, limits: &Limits) -> Result<(), SessionError> {
         limits.check(&self.spec)?;
@@ -80,7 +99,7 @@ impl Description {
         for (i, saved) in self.colliders.iter().enumerate() {
             let at = format!("/colliders/{i}");
             let SavedCollider { mass, shape, position, contact, .. } = *saved;
-            let object = Collider { mass, shape, position, contact, reach: Reach::default() };
+            let object = ObjectSpec { mass, shape, position };
             object.check(&mut check, &at, &saved.id, &self.spec.grid);
             let ordered = i == 0 || self.colliders[i - 1].id < saved.id;
             let positive = |number: f32| number > 0.0 && number.is_finite();

@@ -73,7 +73,7 @@ impl Engine {
         let interval = self.checkpoint_interval;
         let now = machine::now();
         if let Some(simulation) = self.simulations.get(&key) {
-            let Settings { delete_after_s, idle_timeout_s, .. } = simulation.settings;
+            let Settings { delete_after_s, idle_timeout_s, .. } = simulation.state.settings;
             let idle = simulation.session.idle_for();
             let tired = after(now, idle_timeout_s, idle);
             let due = simulation.log.checkpoint_due(interval);
@@ -89,7 +89,7 @@ impl Engine {
     /// Deletes a session, where nobody has wanted it for so long.
     fn end(&mut self, key: u64, now: Instant) {
         let (session, kept) = match self.simulations.get(&key) {
-            Some(simulation) => (&simulation.session, simulation.settings.delete_after_s),
+            Some(simulation) => (&simulation.session, simulation.state.settings.delete_after_s),
             None => match self.hibernating.get(&key) {
                 Some(session) => (session, session.mirror().settings.delete_after_s),
                 None => return,
@@ -240,7 +240,7 @@ impl Engine {
         self.backend.release(simulation.slot);
         self.slots.give_back(simulation.slot);
         let session = simulation.session.clone();
-        session.stand_still(simulation.clock);
+        session.stand_still(simulation.state.clock);
         debug!(session = session.id, "hibernates");
         self.hibernating.insert(key, session);
         self.count_hibernating();

@@ -1,0 +1,69 @@
+//! Changes, taken into the next frame.
+
+use tracing::warn;
+
+use super::answer::Answer;
+use super::apply::Disturbed;
+use super::change::{Applied, Change};
+use super::command::{Command, Decision};
+use super::error::SessionError;
+use super::journal::Event;
+use super::once::Once;
+use super::orders::Reply;
+use super::simulation::Simulation;
+
+impl Simulation {
+    /// Takes a change into the next frame, or refuses it whole.
+    pub(super) fn change(
+        &mut self,
+        change: Change,
+        once: Option<Once>,
+        most_colliders: usize,
+        answer: Answer<Applied>,
+    ) {
+        self.next.changes += change.entries();
+        let tick = self.state.clock.tick();
+        match self.decide(&change, most_colliders) {
+            Ok(Decision { command, told }) => {
+                self.log.record(tick, Event::Change(change));
+                self.carry_out(&command);
+                let edit = self.next.edits.len().saturating_sub(1);
+                self.next.replies.push(Reply::Change { told, edit, once, answer });
+            }
+            Err(why) => answer.refuse(&why),
+        }
+    }
+
+    fn decide(&mut self, change: &Change, most: usize) -> Result<Decision, SessionError> {
+        let decision = self.state.decide(change, Some(most))?;
+        let (less, more) = self.state.object_words(&decision.command);
+        self.object_rows.try_take(self.object_rows.taken() - less + more)?;
+        Ok(decision)
+    }
+
+    /// Takes a change into the next frame that was taken before.
+    pub(super) fn repeat_change(&mut self, change: &Change) {
+        match self.state.decide(change, None) {
+            Ok(Decision { command, .. }) => {
+                let (less, more) = self.state.object_words(&command);
+                self.object_rows.take(self.object_rows.taken() - less + more);
+                self.carry_out(&command);
+            }
+            Err(error) => {
+                let session = &self.session.id;
+                warn!(session, "a change in the journal can't be repeated: {error}");
+            }
+        }
+    }
+
+    /// Has the next frame carry out a command.
+    pub(super) fn carry_out(&mut self, command: &Command) {
+        let Disturbed { tiles, all } = self.state.apply(command, &mut self.next);
+        if let Some(tiles) = tiles {
+            self.disturb(tiles);
+        }
+        if all {
+            self.wake();
+        }
+    }
+}
