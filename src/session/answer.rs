@@ -6,19 +6,20 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
 use super::error::SessionError;
 
+/// A place among the requests that wait for a session; clones share it.
+pub(super) type Place = Arc<OwnedSemaphorePermit>;
+
 /// Where the answer to a request goes. The request waits until this is used or dropped, also where nobody is
 /// left to be told.
 #[derive(Debug)]
 pub(super) struct Answer<T> {
     sender: oneshot::Sender<Result<T, SessionError>>,
-    _place: Option<OwnedSemaphorePermit>,
+    _place: Option<Place>,
 }
 
 impl<T> Answer<T> {
     /// For a request that takes a place among those that wait, and where its answer arrives.
-    pub fn new(
-        place: Option<OwnedSemaphorePermit>,
-    ) -> (Answer<T>, oneshot::Receiver<Result<T, SessionError>>) {
+    pub fn new(place: Option<Place>) -> (Answer<T>, oneshot::Receiver<Result<T, SessionError>>) {
         let (sender, receiver) = oneshot::channel();
         (Answer { sender, _place: place }, receiver)
     }
@@ -60,9 +61,9 @@ impl WaitingRoom {
     ///
     /// # Errors
     /// [`SessionError::TooManyWaiting`].
-    pub fn enter(&self, bytes: usize) -> Result<OwnedSemaphorePermit, SessionError> {
+    pub fn enter(&self, bytes: usize) -> Result<Place, SessionError> {
         let parts = bytes.div_ceil(LEAST).clamp(1, MOST / LEAST);
-        self.0.clone().try_acquire_many_owned(parts as u32).map_err(|_| {
+        self.0.clone().try_acquire_many_owned(parts as u32).map(Arc::new).map_err(|_| {
             SessionError::TooManyWaiting(format!(
                 "as many requests wait for this session as may: {} of them, or {} MiB of changes; \
                  wait for their answers first",

@@ -10,6 +10,7 @@ use super::error::SessionError;
 use super::journal::Event;
 use super::once::Once;
 use super::orders::Reply;
+use super::receipt::Receipted;
 use super::simulation::Simulation;
 
 impl Simulation {
@@ -19,7 +20,7 @@ impl Simulation {
         change: Change,
         once: Option<Once>,
         most_colliders: usize,
-        answer: Answer<Applied>,
+        answer: Answer<Receipted<Applied>>,
     ) {
         self.next.changes += change.entries();
         let tick = self.state.clock.tick();

@@ -21,6 +21,7 @@ use super::memory::Companion;
 use super::message::Message;
 use super::mirror::Mirror;
 use super::once::Answered;
+use super::receipt::Receipts;
 use super::registry::Sessions;
 use super::snapshot::Snapshot;
 use super::spec::Limits;
@@ -68,6 +69,8 @@ pub struct Session {
     /// Frame in which somebody was last known to be with it.
     pub(super) last_used: AtomicU64,
     pub(super) waiting: WaitingRoom,
+    /// Where requests wait for it to be durable.
+    pub(super) receipts: Arc<Receipts>,
     /// The one place for a large answer that the world has to find.
     finding: Arc<Semaphore>,
     pub(super) world: mpsc::Sender<Message>,
@@ -146,6 +149,7 @@ impl Session {
             device_ns: AtomicU64::new(0),
             last_used: AtomicU64::new(sessions.frames.load(Ordering::Relaxed)),
             waiting: WaitingRoom::default(),
+            receipts: Arc::default(),
             finding: Arc::new(Semaphore::new(1)),
             world: sessions.world.clone(),
             frames: sessions.frames.clone(),

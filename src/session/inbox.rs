@@ -14,6 +14,7 @@ use super::error::SessionError;
 use super::gather::{Gathered, MOST_SAMPLES, Sampled};
 use super::once::Once;
 use super::orders::MOST_CHANGES;
+use super::receipt::Receipted;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 
@@ -22,9 +23,9 @@ pub(super) type Look = Box<dyn FnOnce(&Simulation) + Send>;
 
 /// What a session is asked.
 pub(super) enum Request {
-    Change { change: Change, once: Option<Once>, reply: Answer<Applied> },
-    Step { step: StepSpec, reply: Answer<()> },
-    Reset { saved: Option<Box<Snapshot>>, reply: Answer<()> },
+    Change { change: Change, once: Option<Once>, reply: Answer<Receipted<Applied>> },
+    Step { step: StepSpec, reply: Answer<Receipted<()>> },
+    Reset { saved: Option<Box<Snapshot>>, reply: Answer<Receipted<()>> },
     Snapshot { reply: Answer<Snapshot> },
     Gather { tiles: Vec<u32>, reply: Answer<Gathered> },
     Sample { columns: ColumnRect, y0: u32, height: u32, reply: Answer<Sampled> },
@@ -37,9 +38,8 @@ impl Request {
     pub fn refuse(self, why: &SessionError) {
         match self {
             Request::Change { reply, .. } => reply.refuse(why),
-            Request::Step { reply, .. }
-            | Request::Reset { reply, .. }
-            | Request::Inspect { reply, .. } => reply.refuse(why),
+            Request::Step { reply, .. } | Request::Reset { reply, .. } => reply.refuse(why),
+            Request::Inspect { reply, .. } => reply.refuse(why),
             Request::Snapshot { reply } => reply.refuse(why),
             Request::Gather { reply, .. } => reply.refuse(why),
             Request::Sample { reply, .. } => reply.refuse(why),
@@ -100,6 +100,14 @@ impl Simulation {
     /// Whether it may take in something of what waits.
     pub(super) fn takes(&self, inbox: &Inbox) -> bool {
         inbox.0.front().is_some_and(|request| self.has_room_for(request))
+    }
+
+    /// Why a request can't be taken in, whatever is done before it.
+    pub(super) fn conflict(&self, request: &Request) -> Option<SessionError> {
+        let steps = matches!(request, Request::Step { .. } | Request::Reset { .. });
+        (steps && self.step.is_some()).then(|| {
+            SessionError::Conflict("the session is being stepped already; wait for that".to_owned())
+        })
     }
 
     fn has_room_for(&self, request: &Request) -> bool {

@@ -4,13 +4,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use firn_engine::made::Made;
-use tokio::sync::{OwnedSemaphorePermit, mpsc};
+use tokio::sync::mpsc;
 
-use super::answer::Answer;
+use super::answer::{Answer, Place};
 use super::error::SessionError;
 use super::handle::Session;
 use super::inbox::Request;
 use super::once::Done;
+use super::receipt::Receipted;
 use super::snapshot::Snapshot;
 use super::token::TokenHashes;
 use super::world::{Decoded, Fault};
@@ -22,7 +23,7 @@ pub(super) enum Message {
         made: Made,
         saved: Option<Box<Snapshot>>,
         done: Option<Arc<Done>>,
-        reply: Answer<()>,
+        reply: Answer<Receipted<()>>,
     },
     /// Waits in the session's inbox.
     Request {
@@ -37,7 +38,7 @@ pub(super) enum Message {
     /// What is stored of a session that is being woken has been read, in the life that it is of.
     Woken {
         key: u64,
-        generation: u64,
+        life: u64,
         decoded: Box<Result<Decoded, SessionError>>,
     },
     /// Something is to be heard from the journal.
@@ -83,7 +84,7 @@ impl Control {
 /// Sends something to the world and waits for its answer, in a place among those that wait for a session.
 pub(super) async fn ask<T>(
     world: &mpsc::Sender<Message>,
-    place: Option<OwnedSemaphorePermit>,
+    place: Option<Place>,
     message: impl FnOnce(Answer<T>) -> Message,
 ) -> Result<T, SessionError> {
     let (answer, receive) = Answer::new(place);

@@ -28,6 +28,7 @@ mod portion;
 mod probe;
 mod publish;
 mod reach;
+mod receipt;
 mod registry;
 mod requests;
 mod simulation;

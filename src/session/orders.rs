@@ -11,6 +11,7 @@ use super::clock::{Advance, Clock};
 use super::error::SessionError;
 use super::gather::{Gathered, Sampled};
 use super::once::Once;
+use super::receipt::Receipted;
 use super::snapshot::Snapshot;
 
 /// Changes of one session in one frame after which others of it wait for the next.
@@ -63,11 +64,11 @@ pub(super) struct Flight {
 #[derive(Debug)]
 pub(super) enum Reply {
     /// To the change that made a snowpack.
-    Created(Answer<()>),
+    Created(Answer<Receipted<()>>),
     /// To a reset, and to a step that has ended.
-    Done(Answer<()>),
+    Done(Answer<Receipted<()>>),
     /// To a change, of which `edit` was the last edit.
-    Change { told: Told, edit: usize, once: Option<Once>, answer: Answer<Applied> },
+    Change { told: Told, edit: usize, once: Option<Once>, answer: Answer<Receipted<Applied>> },
 }
 
 /// What the answer to a change tells.
@@ -91,7 +92,7 @@ pub(super) enum Told {
 impl Orders {
     /// Whether there is something that a frame is to be made for.
     pub fn are_urgent(&self) -> bool {
-        !self.edits.is_empty() || self.want_answers()
+        !self.edits.is_empty() || self.want_answers() || self.changes >= MOST_CHANGES
     }
 
     /// Cells of the fixed grid that are wanted.

@@ -15,6 +15,7 @@ use super::journal::Taken;
 use super::mirror::Mirror;
 use super::once::Done;
 use super::orders::{Counted, Orders, Reply, Told};
+use super::receipt::Receipted;
 use super::simulation::Simulation;
 use super::state::Collider;
 
@@ -155,7 +156,8 @@ impl Simulation {
             // A failed send means that nobody waits any more, which is theirs to decide.
             match reply {
                 Reply::Created(answer) | Reply::Done(answer) => {
-                    self.log.acknowledge(Box::new(|durable| answer.give(durable)));
+                    let position = self.log.receipt();
+                    answer.give(Ok(Receipted { answer: (), position }));
                 }
                 Reply::Change { told, edit, once, answer } => {
                     let set = matches!(told, Told::AirTemperature | Told::Settings);
@@ -166,9 +168,8 @@ impl Simulation {
                         let now = self.session.answered.now();
                         self.log.answered(Done::applied(&once, &applied, now));
                     }
-                    self.log.acknowledge(Box::new(|durable| {
-                        answer.give(durable.map(|()| applied));
-                    }));
+                    let position = self.log.receipt();
+                    answer.give(Ok(Receipted { answer: applied, position }));
                 }
             }
         }

@@ -15,6 +15,7 @@ use super::idempotency::RequestKey;
 use super::message::{self, Control, Message};
 use super::names::{Names, Place};
 use super::once::{Answered, Done, DoneResult, Once};
+use super::receipt::Receipted;
 use super::requests::blocking;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
@@ -225,7 +226,8 @@ impl Sessions {
             make()?
         };
         let create = |reply| Message::Create { session: session.clone(), made, saved, done, reply };
-        message::ask(&self.world, None, create).await?;
+        let Receipted { position, .. } = message::ask(&self.world, None, create).await?;
+        session.receipts.wait(position).await?;
         place.keep(session.clone());
         Ok((session, tokens))
     }

@@ -7,7 +7,7 @@ use tokio::sync::oneshot;
 
 use crate::machine;
 
-use super::answer::Answer;
+use super::answer::{Answer, Place};
 use super::change::Applied;
 use super::change::Change;
 use super::error::{Invalid, SessionError};
@@ -16,6 +16,7 @@ use super::handle::Session;
 use super::inbox::Request;
 use super::message::{self, Control, Message};
 use super::once::Once;
+use super::receipt::Receipted;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 use super::token::Tokens;
@@ -45,7 +46,7 @@ impl Session {
             Some(applied) => Ok(applied),
             None => {
                 self.check_unlocked()?;
-                self.ask_with(bytes, |reply| Request::Change { change, once, reply }).await
+                self.ask_durably(bytes, |reply| Request::Change { change, once, reply }).await
             }
         }
     }
@@ -58,7 +59,7 @@ impl Session {
     /// [`SessionError::Locked`], and [`SessionError::Invalid`].
     pub async fn step(&self, step: StepSpec) -> Result<SessionView, SessionError> {
         self.check_unlocked()?;
-        self.ask(|reply| Request::Step { step, reply }).await?;
+        self.ask_durably(0, |reply| Request::Step { step, reply }).await?;
         Ok(self.view())
     }
 
@@ -81,7 +82,7 @@ impl Session {
                 Some(Box::new(decoded))
             }
         };
-        self.ask(|reply| Request::Reset { saved, reply }).await?;
+        self.ask_durably(0, |reply| Request::Reset { saved, reply }).await?;
         Ok(self.view())
     }
 
@@ -188,8 +189,29 @@ impl Session {
         bytes: usize,
         request: impl FnOnce(Answer<T>) -> Request,
     ) -> Result<T, SessionError> {
-        let (place, key) = (self.waiting.enter(bytes)?, self.key);
-        let message = |reply| Message::Request { key, request: request(reply) };
+        let place = self.waiting.enter(bytes)?;
+        self.ask_in(place, request).await
+    }
+
+    /// Asks for what counts when it is durable, with something that takes so many bytes until then.
+    async fn ask_durably<T>(
+        &self,
+        bytes: usize,
+        request: impl FnOnce(Answer<Receipted<T>>) -> Request,
+    ) -> Result<T, SessionError> {
+        let place = self.waiting.enter(bytes)?;
+        let Receipted { answer, position } = self.ask_in(place.clone(), request).await?;
+        let durable = self.receipts.wait(position).await;
+        drop(place);
+        durable.map(|()| answer)
+    }
+
+    async fn ask_in<T>(
+        &self,
+        place: Place,
+        request: impl FnOnce(Answer<T>) -> Request,
+    ) -> Result<T, SessionError> {
+        let message = |reply| Message::Request { key: self.key, request: request(reply) };
         message::ask(&self.world, Some(place), message).await
     }
 

@@ -15,6 +15,7 @@ use super::journal::{Event, Log, Replay};
 use super::object_rows::ObjectRows;
 use super::orders::{Flight, Orders, Reply};
 use super::portion::Portions;
+use super::receipt::Receipted;
 use super::snapshot::Snapshot;
 use super::state::SessionState;
 use super::step::StepJob;
@@ -134,7 +135,7 @@ impl Simulation {
     }
 
     /// Back to the state it was created in. Seqs go on.
-    pub(super) fn reset(&mut self, saved: Option<&Snapshot>, answer: Answer<()>) {
+    pub(super) fn reset(&mut self, saved: Option<&Snapshot>, answer: Answer<Receipted<()>>) {
         self.log.record(self.state.clock.tick(), Event::Reset);
         self.begin_anew(saved);
         self.next.replies.push(Reply::Done(answer));
@@ -247,14 +248,11 @@ impl Simulation {
     }
 
     /// Tells everybody who waits for this session why there is no answer.
-    pub(super) fn refuse_all(mut self, why: &SessionError) {
+    pub(super) fn refuse_all(self, why: &SessionError) {
         self.next.refuse(why);
         self.flight.orders.refuse(why);
         if let Some(job) = self.step {
             job.answer.refuse(why);
-        }
-        for ack in self.log.take_acks() {
-            ack(Err(why.clone()));
         }
     }
 }

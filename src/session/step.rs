@@ -6,6 +6,7 @@ use super::answer::Answer;
 use super::clock::Clock;
 use super::error::{Check, SessionError};
 use super::orders::Reply;
+use super::receipt::Receipted;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 
@@ -16,7 +17,7 @@ const MOST_TICKS: u64 = 1_000_000;
 #[derive(Debug)]
 pub(super) struct StepJob {
     pub goal: Goal,
-    pub answer: Answer<()>,
+    pub answer: Answer<Receipted<()>>,
 }
 
 /// When a step ends.
@@ -88,7 +89,7 @@ impl StepJob {
 
 impl Simulation {
     /// Begins a step, or refuses it.
-    pub(super) fn begin_step(&mut self, step: &StepSpec, answer: Answer<()>) {
+    pub(super) fn begin_step(&mut self, step: &StepSpec, answer: Answer<Receipted<()>>) {
         let result = if !self.state.settings.paused {
             Err(SessionError::Conflict("a running session can't be stepped; pause it first".into()))
         } else if self.step.is_some() {
@@ -106,7 +107,7 @@ impl Simulation {
     }
 
     /// Begins a reset, or refuses it.
-    pub(super) fn begin_reset(&mut self, saved: Option<&Snapshot>, answer: Answer<()>) {
+    pub(super) fn begin_reset(&mut self, saved: Option<&Snapshot>, answer: Answer<Receipted<()>>) {
         if self.step.is_some() {
             answer.give(Err(SessionError::Conflict(
                 "the session is being stepped; wait for that".into(),

@@ -18,8 +18,8 @@ mod requests;
 mod revive;
 mod simulations;
 mod slots;
+mod storage;
 mod supervise;
-mod unlock;
 mod upkeep;
 mod wake;
 
@@ -37,10 +37,10 @@ use crate::machine;
 use crate::store::{Damage, Loaded};
 
 use super::handle::Session;
-use super::journal::{self, Assembled, Journal, SEQ_RESERVE, Stored, Workers};
+use super::journal::{self, Assembled, Journal, Record, SEQ_RESERVE, Stored, Workers};
 use super::message::Message;
 use super::names::Names;
-use super::once::Answered;
+use super::once::{Answered, Done};
 use super::pace::Pace;
 use super::registry::{DECODED_AT_ONCE, Sessions};
 use super::spec::Limits;
@@ -51,6 +51,7 @@ use engine::{Beginning, Engine};
 use revive::Revival;
 use simulations::Simulations;
 use slots::Slots;
+use storage::Storage;
 
 pub(super) use revive::Decoded;
 
@@ -160,15 +161,16 @@ impl World {
         let mut jump = [0; 8];
         machine::fill(&mut jump).map_err(std::io::Error::other)?;
         let jump = u64::from_le_bytes(jump) % SEQ_RESERVE;
-        let (image, comebacks) = come_back(&sessions, stored, frame, jump);
+        let (records, comebacks) = come_back(&sessions, stored, frame, jump);
         // The runtime waits for a request or for the next beat, whatever comes first, and decodes what is
         // stored of sessions that are woken.
         let clock = tokio::runtime::Builder::new_current_thread()
             .enable_time()
             .max_blocking_threads(DECODED_AT_ONCE)
             .build()?;
+        let (nudge, ages) = (send.downgrade(), ages(&records));
         let (journal, workers) =
-            Journal::new(durability.store, image, answered, vitals.store.clone(), send.downgrade());
+            Journal::new(durability.store, answered.clone(), vitals.store.clone(), nudge, ages);
         // Where nothing was stored nobody was ever told anything.
         let new = comebacks.is_empty();
         let beginning = if new { Beginning::OnDisk } else { Beginning::Unwritten };
@@ -193,7 +195,9 @@ impl World {
             hibernating: HashMap::new(),
             mail: BTreeMap::new(),
             waking: BTreeMap::new(),
-            leaving: HashMap::new(),
+            records,
+            storage: Storage::default(),
+            answered,
             slots: Slots::default(),
             object_rows: Arc::default(),
             journal,
@@ -255,12 +259,12 @@ fn come_back(
     stored: BTreeMap<u64, Stored>,
     frame: u64,
     jump: u64,
-) -> (HashMap<u64, Stored>, BTreeMap<u64, Revival>) {
+) -> (BTreeMap<u64, Record>, BTreeMap<u64, Revival>) {
     if !stored.is_empty() {
         info!("bringing back {} sessions", stored.len());
     }
     let mut comebacks = BTreeMap::new();
-    let mut image = HashMap::new();
+    let mut records = BTreeMap::new();
     for (key, mut stored) in stored {
         let checkpoint = stored.checkpoint.clone();
         let published = stored.mark.seq.max(checkpoint.as_ref().map_or(1, |saved| saved.seq));
@@ -294,8 +298,18 @@ fn come_back(
         session.go_on_from(seq, checkpoint.as_ref().map(|saved| &saved.versions[..]));
         session.set_lost_seqs(&stored.mark.lost);
         stored.weigh();
-        image.insert(key, stored.clone());
+        records.insert(key, Record::of(stored.clone(), session.receipts.clone()));
         comebacks.insert(key, Revival::at_start(Arc::new(session), stored, first));
     }
-    (image, comebacks)
+    (records, comebacks)
+}
+
+/// Requests that carried a key, of all sessions, the oldest first.
+fn ages(records: &BTreeMap<u64, Record>) -> Vec<(u64, Arc<Done>)> {
+    let done = |(&key, record): (&u64, &Record)| {
+        record.stored.done.iter().map(|done| (key, done.clone())).collect::<Vec<_>>()
+    };
+    let mut ages: Vec<(u64, Arc<Done>)> = records.iter().flat_map(done).collect();
+    ages.sort_by_key(|(_, done)| (done.at_ms, done.key));
+    ages
 }

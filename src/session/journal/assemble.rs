@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use crate::session::once::Done;
 use crate::store::{Content, Kind, Row};
 
-use super::image::{HEARTBEAT, Stored};
+use super::record::{HEARTBEAT, Stored};
 use super::weight::bytes_of;
 use super::{Checkpoint, Entry, Heartbeat, Identity, Lock, Mark};
 
@@ -109,7 +109,6 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
         mark,
         done,
         lock: one(Kind::Lock).map(|content| Lock::read(&content.bytes)),
-        generation: 0,
     })
 }
 

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use crate::session::change::Change;
 use crate::store::{Kind, Row, Write};
 
-use super::image::{Stored, json};
-use super::{Entry, Event, Record};
+use super::record::{Stored, json};
+use super::{Entry, Event, Part};
 
 /// That a session is locked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,7 +35,7 @@ impl Lock {
 impl Stored {
     /// Has a locked session come back paused, as if somebody had paused it last. Returns what has to
     /// be written for that, together and before anything else.
-    pub fn pause(&mut self) -> Vec<Record> {
+    pub fn pause(&mut self) -> Vec<Part> {
         if self.lock.is_none_or(|lock| lock.paused) {
             return Vec::new();
         }
@@ -43,9 +43,9 @@ impl Stored {
         let events = vec![Event::Change(Change::Settings(patch))];
         let entry = Arc::new(Entry { tick: self.mark.tick, events });
         let lock = Some(Lock { paused: true });
-        let records = vec![Record::Entry(self.next(), entry), Record::Lock(lock)];
-        records.iter().for_each(|record| self.enter(record));
+        let parts = vec![Part::Entry(self.next(), entry), Part::Lock(lock)];
+        parts.iter().for_each(|part| self.enter(part));
         self.mark.next = self.next();
-        records
+        parts
     }
 }

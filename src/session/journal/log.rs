@@ -4,11 +4,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::machine;
+use crate::session::handle::Session;
 use crate::session::once::Done;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 
-use super::{Ack, Entry, Event, Identity, Mark, Record, Rest, Stored, Submission};
+use super::{Append, Entry, Event, Identity, Mark, Part, Record, Rest, Stored};
 
 /// Entries after which a checkpoint is due, however young the last is.
 const LONGEST_JOURNAL: u64 = 8192;
@@ -19,7 +20,10 @@ const RETRY: Duration = Duration::from_secs(1);
 /// What one session has to tell the journal.
 #[derive(Default)]
 pub(crate) struct Log {
-    generation: u64,
+    /// Counts how often the session was brought back.
+    life: u64,
+    /// Of the newest append.
+    position: u64,
     /// Number of the next entry.
     next: u64,
     /// Entries that the newest checkpoint holds.
@@ -27,11 +31,12 @@ pub(crate) struct Log {
     /// Tick of the first event.
     tick: u64,
     events: Vec<Event>,
-    acks: Vec<Ack>,
+    /// Somebody waits until what the frame leaves is durable.
+    awaited: bool,
     /// What came of requests that carry a key.
     answered: Vec<Arc<Done>>,
     /// The session is still to be written.
-    create: Option<Record>,
+    create: Option<Part>,
     /// Snapshot taken for a checkpoint.
     pub taken: Option<Box<Taken>>,
     /// As last submitted.
@@ -66,7 +71,7 @@ impl Log {
         done: Option<Arc<Done>>,
     ) -> Log {
         Log {
-            create: Some(Record::Create(identity, origin)),
+            create: Some(Part::Create(identity, origin)),
             answered: done.into_iter().collect(),
             outdated: Some(machine::now()),
             ..Log::default()
@@ -74,22 +79,33 @@ impl Log {
     }
 
     /// Of a session that is brought back.
-    pub fn resumed(stored: &Stored) -> Log {
+    pub fn resumed(record: &Record, stored: &Stored) -> Log {
+        let outdated = stored.checkpoint.is_none() || !stored.entries.is_empty();
         Log {
-            generation: stored.generation,
+            life: record.life,
+            position: record.position,
             next: stored.next(),
             covered: stored.base(),
             mark: stored.mark.clone(),
             unmarked: true,
-            outdated: (stored.checkpoint.is_none() || !stored.entries.is_empty())
-                .then(machine::now),
+            outdated: outdated.then(machine::now),
             ..Log::default()
         }
     }
 
     /// Counts how often the session was brought back.
-    pub fn generation(&self) -> u64 {
-        self.generation
+    pub fn life(&self) -> u64 {
+        self.life
+    }
+
+    /// Position that somebody waits for and nothing was handed over for.
+    pub fn unkept(&self) -> Option<u64> {
+        self.awaited.then_some(self.position + 1)
+    }
+
+    /// Goes on from an append that something else has left.
+    pub fn go_on_from(&mut self, position: u64) {
+        self.position = position;
     }
 
     /// Notes a change that goes with the next frame.
@@ -105,9 +121,10 @@ impl Log {
         self.answered.push(Arc::new(done));
     }
 
-    /// Puts an answer off until everything so far is durable.
-    pub fn acknowledge(&mut self, ack: Ack) {
-        self.acks.push(ack);
+    /// Position of what this frame leaves: somebody waits until that is durable.
+    pub fn receipt(&mut self) -> u64 {
+        self.awaited = true;
+        self.position + 1
     }
 
     /// Notes seqs whose states are lost. Returns all of them.
@@ -164,24 +181,30 @@ impl Log {
         if ran || !self.events.is_empty() {
             self.outdate();
         }
-        let waited_for = !self.acks.is_empty() || self.create.is_some() || self.taken.is_some();
+        let waited_for = self.awaited || self.create.is_some() || self.taken.is_some();
         waited_for || !self.events.is_empty()
     }
 
     /// What the last frame left to be made durable.
-    fn take(&mut self, key: u64, progress: Progress) -> Submission {
-        let mut records = Vec::with_capacity(3);
-        records.extend(self.create.take());
+    fn take(&mut self, session: &Session, progress: Progress) -> Append {
+        let mut parts = Vec::with_capacity(3);
+        parts.extend(self.create.take());
         if !self.events.is_empty() {
             let events = std::mem::take(&mut self.events);
             let entry = Entry { tick: self.tick, events };
-            records.push(Record::Entry(self.next, Arc::new(entry)));
+            parts.push(Part::Entry(self.next, Arc::new(entry)));
             self.next += 1;
         }
-        records.push(Record::Mark(self.set_mark(self.mark_of(progress))));
-        records.extend(self.answered.drain(..).map(Record::Done));
-        let acks = std::mem::take(&mut self.acks);
-        Submission { key, generation: self.generation, records, acks }
+        parts.push(Part::Mark(self.set_mark(self.mark_of(progress))));
+        parts.extend(self.answered.drain(..).map(Part::Done));
+        let awaited = std::mem::take(&mut self.awaited);
+        self.append(session, parts, awaited)
+    }
+
+    fn append(&mut self, session: &Session, parts: Vec<Part>, awaited: bool) -> Append {
+        self.position += 1;
+        let (key, position, receipts) = (session.key, self.position, session.receipts.clone());
+        Append { key, position, parts: Arc::new(parts), awaited, receipts }
     }
 
     fn mark_of(&self, Progress { tick, seq, rest }: Progress) -> Mark {
@@ -193,16 +216,11 @@ impl Log {
         self.mark = mark.clone();
         mark
     }
-
-    /// Everybody who waits.
-    pub fn take_acks(&mut self) -> Vec<Ack> {
-        std::mem::take(&mut self.acks)
-    }
 }
 
 /// What a frame has left of a session for the journal.
 pub(crate) struct Left {
-    pub submission: Option<Submission>,
+    pub append: Option<Append>,
     /// Life of the session, number of the first entry that is not in it, and the snapshot.
     pub checkpoint: Option<(u64, u64, Box<Taken>)>,
 }
@@ -210,7 +228,7 @@ pub(crate) struct Left {
 impl Left {
     /// Whether there is nothing for the journal.
     pub fn is_nothing(&self) -> bool {
-        self.submission.is_none() && self.checkpoint.is_none()
+        self.append.is_none() && self.checkpoint.is_none()
     }
 }
 
@@ -218,23 +236,29 @@ impl Simulation {
     /// What the last frame has left for the journal: nothing in the middle of a run.
     pub(in crate::session) fn leave(&mut self) -> Left {
         if self.portions.are_under_way() {
-            return Left { submission: None, checkpoint: None };
+            return Left { append: None, checkpoint: None };
         }
         let ran = self.flight.advance.run.cycles > 0;
-        let submission = self.log.has_news(ran).then(|| {
+        let append = self.log.has_news(ran).then(|| {
             let progress = self.progress();
-            self.log.take(self.session.key, progress)
+            self.log.take(&self.session, progress)
         });
         let checkpoint = self.log.taken.take().map(|taken| {
             self.log.cover();
-            (self.log.generation, self.log.next, taken)
+            (self.log.life, self.log.next, taken)
         });
-        Left { submission, checkpoint }
+        Left { append, checkpoint }
+    }
+
+    /// How far the session has come, where that is known.
+    pub(in crate::session) fn present_mark(&self) -> Option<Mark> {
+        let known = !self.portions.are_under_way() && self.replay.is_none();
+        known.then(|| self.log.mark_of(self.progress()))
     }
 
     /// A mark, where the newest one does not say how far the session has come. In the middle of a
     /// run it has not come further than before.
-    pub(in crate::session) fn mark(&mut self) -> Option<Submission> {
+    pub(in crate::session) fn mark(&mut self) -> Option<Append> {
         if self.portions.are_under_way() {
             return None;
         }
@@ -244,7 +268,7 @@ impl Simulation {
             return None;
         }
         let mark = self.log.set_mark(mark);
-        Some(Submission::of_mark(self.session.key, self.log.generation, mark))
+        Some(self.log.append(&self.session, vec![Part::Mark(mark)], false))
     }
 
     fn progress(&self) -> Progress {

@@ -107,11 +107,11 @@ impl StoreVitals {
         self.commits.observe(took.as_secs_f64());
     }
 
-    pub(super) fn set_healthy(&self, healthy: bool) {
+    pub(in crate::session) fn set_healthy(&self, healthy: bool) {
         self.failing.store(!healthy, Ordering::Relaxed);
     }
 
-    pub(super) fn set_gone(&self, gone: bool) {
+    pub(in crate::session) fn set_gone(&self, gone: bool) {
         self.gone.store(gone, Ordering::Relaxed);
     }
 

@@ -9,28 +9,23 @@
 mod assemble;
 mod entry;
 mod handle;
-mod image;
 mod lock;
 mod log;
 mod meter;
+mod record;
 mod replay;
 mod weight;
 mod writer;
 
 pub(super) use assemble::{Assembled, assemble};
 pub(super) use entry::{Checkpoint, Entry, Event, Heartbeat, Identity, Mark, Rest};
-pub(super) use handle::{Feedback, Journal, Workers};
-pub(super) use image::{Record, Stored, Submission};
+pub(super) use handle::{Journal, Verdict, Workers, unstorable};
 pub(super) use lock::Lock;
 pub(super) use log::{Left, Log, Taken};
 pub use meter::{StoreState, StoreVitals};
+pub(super) use record::{Append, Part, Pending, Record, Stored};
 pub(super) use replay::Replay;
 pub(super) use weight::Weight;
-
-use super::error::SessionError;
-
-/// Told whether what somebody waits for is durable.
-pub(super) type Ack = Box<dyn FnOnce(Result<(), SessionError>) + Send>;
 
 /// Seqs that may be published beyond the last durable one: more than anybody publishes before the
 /// next is durable, or before a file is put back that was copied. At a start numbering goes on

@@ -11,14 +11,14 @@ use tokio::sync::mpsc;
 use tracing::error;
 
 use crate::machine;
-use crate::session::answer::Answer;
 use crate::session::clock::FRAME_RATE;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::inbox::Inbox;
-use crate::session::journal::Journal;
+use crate::session::journal::{Journal, Record};
 use crate::session::message::Message;
 use crate::session::names::Names;
+use crate::session::once::Answered;
 use crate::session::pace::Pace;
 use crate::session::simulation::Simulation;
 use crate::session::vitals::{FrameTime, Vitals};
@@ -29,6 +29,7 @@ use super::frame::caught;
 use super::revive::Revival;
 use super::simulations::Simulations;
 use super::slots::Slots;
+use super::storage::Storage;
 use super::wake::Waking;
 use super::{OpenBackend, TAKEN_AT_ONCE, WorldConfig};
 
@@ -79,8 +80,10 @@ pub(super) struct Engine {
     pub(super) mail: BTreeMap<u64, Inbox>,
     /// Sessions that are being woken.
     pub(super) waking: BTreeMap<u64, Waking>,
-    /// Who waits for a session to be deleted.
-    pub(super) leaving: HashMap<u64, Vec<Answer<()>>>,
+    /// What sessions come back from.
+    pub(super) records: BTreeMap<u64, Record>,
+    pub(super) storage: Storage,
+    pub(super) answered: Arc<Answered>,
     pub(super) slots: Slots,
     /// What the objects of all sessions take in the device's tables.
     pub(super) object_rows: Arc<AtomicU64>,
@@ -107,10 +110,12 @@ impl Engine {
     /// # Errors
     /// Those of the backend, after which it has to be opened anew.
     pub(super) fn turn(&mut self, first: Option<Message>) -> Result<bool, EngineError> {
+        self.hear_journal()?;
         if !self.has_begun() {
             return Ok(self.turn_away(first));
         }
         self.bring_back()?;
+        self.tell_of_taken_back();
         if !self.take_messages(first)? {
             return Ok(false);
         }
@@ -173,7 +178,6 @@ impl Engine {
                 Err(mpsc::error::TryRecvError::Disconnected) => return Ok(false),
             }
         }
-        self.hear_journal()?;
         Ok(true)
     }
 
@@ -202,7 +206,7 @@ impl Engine {
     /// on in it from here.
     pub(super) fn review(&mut self, key: u64) {
         let Some(simulation) = self.simulations.get(&key) else { return };
-        if self.fallen.contains(&key) {
+        if self.fallen.contains(&key) || self.is_leaving(key) {
             return;
         }
         self.busy |= simulation.has_orders();

@@ -7,7 +7,7 @@ use tracing::{info, warn};
 
 use crate::machine;
 use crate::session::error::SessionError;
-use crate::session::journal::Feedback;
+use crate::session::journal::{Record, Verdict};
 use crate::session::simulation::Simulation;
 
 use super::engine::Engine;
@@ -23,7 +23,7 @@ impl Engine {
         let began = machine::now();
         let why = SessionError::Unavailable("the server is stopping".to_owned());
         // What is stored of sessions that panicked, or are being woken, is right, and what is here is not.
-        let waking = self.give_up_all_waking(&why).into_iter().map(|(session, _)| session.key);
+        let waking = self.give_up_all_waking(&why).into_iter().map(|session| session.key);
         for key in std::mem::take(&mut self.fallen).into_iter().chain(waking) {
             self.remove(key, &why);
         }
@@ -31,7 +31,7 @@ impl Engine {
         self.mark_all();
         let mut left = self.sound_ones(|simulation| !simulation.log.is_covered());
         let (count, mut made) = (left.len(), 0);
-        while !left.is_empty() && machine::now() < deadline && self.journal.refusal().is_none() {
+        while !left.is_empty() && machine::now() < deadline && self.storage.refusal().is_none() {
             let mut wave = self.next_to_save(&mut left);
             if let Err(failure) = self.carry_out_frame(false) {
                 warn!("no last checkpoints: {failure}");
@@ -93,21 +93,25 @@ impl Engine {
 
     /// Waits until checkpoints are stored. Returns how many are.
     fn wait_for_checkpoints(&mut self, mut wave: HashSet<u64>, deadline: Instant) -> usize {
-        let mut made = 0;
-        while !wave.is_empty() && machine::now() < deadline {
+        let (mut packed, mut made) = (HashSet::new(), 0);
+        while !wave.is_empty() && machine::now() < deadline && self.storage.refusal().is_none() {
             let patience = deadline.saturating_duration_since(machine::now());
-            match self.journal.wait(patience.min(Duration::from_secs(1))) {
-                Some(Feedback::Checkpoint { key, stored, .. }) => {
-                    made += usize::from(wave.remove(&key) && stored);
-                }
-                Some(Feedback::Deleted { key, result }) => self.deleted(key, &result),
-                // Nobody is told of a state any more that would have to be taken back.
-                Some(Feedback::Undo { refused, why, .. }) => {
-                    refused.into_iter().for_each(|ack| ack(Err(why.clone())));
-                }
-                None if self.journal.refusal().is_some() => break,
-                None => {}
+            let Some(verdict) = self.journal.wait(patience.min(Duration::from_secs(1))) else {
+                continue;
+            };
+            match &verdict {
+                Verdict::Packed { key, checkpoint: Some(_), .. } => drop(packed.insert(*key)),
+                Verdict::Packed { key, checkpoint: None, .. } => drop(wave.remove(key)),
+                _ => {}
             }
+            if let Err(failure) = self.hear(verdict) {
+                warn!("no last checkpoints: {failure}");
+                break;
+            }
+            let stored = |key: &u64| self.records.get(key).is_none_or(Record::is_quiet);
+            let before = wave.len();
+            wave.retain(|key| !(packed.contains(key) && stored(key)));
+            made += before - wave.len();
         }
         made
     }

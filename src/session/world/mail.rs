@@ -20,13 +20,18 @@ impl Engine {
             request.refuse(&gone());
             return Ok(());
         }
+        let simulation = self.simulations.get(&key);
+        if let Some(why) = simulation.and_then(|simulation| simulation.conflict(&request)) {
+            request.refuse(&why);
+            return Ok(());
+        }
         self.mail.entry(key).or_default().push(request);
         self.wake(key)
     }
 
     /// Has sessions take in what waits for them, as far as they can.
     pub(super) fn drain_mail(&mut self) {
-        let refusal = self.journal.refusal();
+        let refusal = self.storage.refusal();
         let (frame, most) = (self.frame, self.config.limits.colliders_per_session);
         let keys: Vec<u64> = self.mail.keys().copied().collect();
         for key in keys {
@@ -62,5 +67,6 @@ impl Engine {
         self.simulations.contains_key(&key)
             && !self.waking.contains_key(&key)
             && !self.fallen.contains(&key)
+            && !self.is_leaving(key)
     }
 }

@@ -10,10 +10,11 @@ use tracing::warn;
 use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
-use crate::session::journal::{Ack, Identity, Log, Record, Submission};
+use crate::session::journal::{Identity, Log, Part};
 use crate::session::message::{Control, Message};
 use crate::session::once::Done;
 use crate::session::orders::Reply;
+use crate::session::receipt::Receipted;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 use crate::session::token::TokenHashes;
@@ -35,8 +36,8 @@ impl Engine {
             }
             Message::Request { key, request } => self.post(key, request)?,
             Message::Control { key, control } => self.control(key, control)?,
-            Message::Woken { key, generation, decoded } => {
-                self.woken(key, generation, *decoded)?;
+            Message::Woken { key, life, decoded } => {
+                self.woken(key, life, *decoded)?;
             }
             Message::Nudge => {}
             Message::Break(Fault::LoseDevice) => self.backend.lose(),
@@ -61,7 +62,7 @@ impl Engine {
         match control {
             Control::Delete(reply) => self.delete(key, Some(reply)),
             Control::Tokens(hashes, reply) => self.set_tokens(session, hashes, reply),
-            Control::Unlock(reply) => self.unlock(session, reply),
+            Control::Unlock(reply) => self.unlock(key, reply),
             Control::Wake => self.wake(key)?,
         }
         Ok(())
@@ -74,23 +75,15 @@ impl Engine {
         simulated.or_else(|| self.hibernating.get(&key)).or_else(waking)
     }
 
-    /// The life that a session is in.
-    pub(super) fn generation(&self, key: u64) -> u64 {
-        match self.simulations.get(&key) {
-            Some(simulation) => simulation.log.generation(),
-            None => self.journal.generation(key),
-        }
-    }
-
     fn create(
         &mut self,
         session: Arc<Session>,
         made: Made,
         saved: Option<Box<Snapshot>>,
         done: Option<Arc<Done>>,
-        reply: Answer<()>,
+        reply: Answer<Receipted<()>>,
     ) {
-        if let Some(why) = self.journal.refusal() {
+        if let Some(why) = self.storage.refusal() {
             reply.refuse(&why);
             return;
         }
@@ -116,21 +109,20 @@ impl Engine {
 
     /// Gives a session other tokens, once that is durable.
     fn set_tokens(&mut self, session: Arc<Session>, tokens: TokenHashes, reply: Answer<()>) {
-        if let Some(why) = self.journal.refusal() {
+        if let Some(why) = self.storage.refusal() {
             reply.refuse(&why);
             return;
         }
-        let (key, generation) = (session.key, self.generation(session.key));
         let identity = Arc::new(Identity { tokens, ..session.identity() });
-        let ack: Ack = Box::new(move |durable| {
-            if durable.is_ok() {
-                session.set_tokens(tokens);
-            }
-            reply.give(durable);
-        });
-        let records = vec![Record::Identity(identity)];
-        self.journal.add(Submission { key, generation, records, acks: vec![ack] });
-        self.journal.send();
+        self.submit_parts(session.key, vec![Part::Identity(identity)], Some(reply));
+    }
+
+    /// Unlocks a session, once that is durable.
+    fn unlock(&mut self, key: u64, reply: Answer<()>) {
+        match self.storage.refusal() {
+            Some(why) => reply.refuse(&why),
+            None => self.submit_parts(key, vec![Part::Lock(None)], Some(reply)),
+        }
     }
 
     /// Takes a session out of the world. Whoever waits for it gets `why`.

@@ -12,7 +12,7 @@ use tracing::{error, info, warn};
 use crate::machine;
 use crate::session::error::{Invalid, SessionError};
 use crate::session::handle::Session;
-use crate::session::journal::{Log, Record, Replay, Stored, Submission};
+use crate::session::journal::{Log, Part, Replay, Stored};
 use crate::session::message::Message;
 use crate::session::object_rows::ObjectRows;
 use crate::session::portion::Portions;
@@ -21,6 +21,7 @@ use crate::session::snapshot::Snapshot;
 use crate::session::spec::Limits;
 
 use super::engine::{Beginning, Engine};
+use super::requests::gone;
 
 /// Cells that are brought back at a time, unless one session has more.
 const WAVE: u64 = 16 << 20;
@@ -32,12 +33,12 @@ pub(super) struct Revival {
     /// The server has just been started: the mirror knows no heights.
     at_start: bool,
     /// What has to be written before it comes back, beside its mark.
-    first: Vec<Record>,
+    first: Vec<Part>,
 }
 
 impl Revival {
     /// Of a session that was stored when the server was started.
-    pub fn at_start(session: Arc<Session>, stored: Stored, first: Vec<Record>) -> Revival {
+    pub fn at_start(session: Arc<Session>, stored: Stored, first: Vec<Part>) -> Revival {
         Revival { session, stored, at_start: true, first }
     }
 
@@ -46,17 +47,21 @@ impl Revival {
         Revival { session, stored, at_start: false, first: Vec::new() }
     }
 
+    /// The session.
+    pub fn session(&self) -> &Arc<Session> {
+        &self.session
+    }
+
     /// How far it has come, for the journal: its time stands still from there.
-    pub fn mark(&self) -> Submission {
-        let Stored { generation, mark, .. } = &self.stored;
-        Submission::of_mark(self.session.key, *generation, mark.clone())
+    fn mark(&self) -> Part {
+        Part::Mark(self.stored.mark.clone())
     }
 
     /// The same, with what has to be written before it comes back.
-    fn begin(&mut self) -> Submission {
-        let mut submission = self.mark();
-        submission.records.splice(0..0, std::mem::take(&mut self.first));
-        submission
+    fn begin(&mut self) -> (u64, Vec<Part>) {
+        let mut parts = std::mem::take(&mut self.first);
+        parts.push(self.mark());
+        (self.session.key, parts)
     }
 }
 
@@ -94,14 +99,12 @@ impl Engine {
     /// never given out again, nor is the time since the last heartbeat ever counted.
     pub(super) fn has_begun(&mut self) -> bool {
         if self.beginning == Beginning::Unwritten {
-            let begun = self.comebacks.values_mut().map(Revival::begin);
-            begun.for_each(|submission| self.journal.add(submission));
-            self.journal.beat(self.frame);
-            self.journal.flush();
+            let begun = self.comebacks.values_mut().map(Revival::begin).collect();
+            self.begin_record(begun);
             self.beginning = Beginning::HandedOver;
         }
         // What could not be written is written as soon as the store can be.
-        if self.beginning == Beginning::HandedOver && self.journal.refusal().is_none() {
+        if self.beginning == Beginning::HandedOver && self.storage.is_settled() {
             self.beginning = Beginning::OnDisk;
         }
         self.beginning == Beginning::OnDisk
@@ -237,7 +240,8 @@ impl Engine {
         let Revival { session, stored, at_start, .. } = revival;
         let key = session.key;
         session.hibernating.store(false, Ordering::Relaxed);
-        let mut log = Log::resumed(&stored);
+        let Some(record) = self.records.get(&key) else { return Ok(Err(gone())) };
+        let mut log = Log::resumed(record, &stored);
         if !at_start {
             // What was published after the last mark is a future that will not be.
             let lost = log.lose(stored.mark.seq + 1, session.mirror().seq);
@@ -289,7 +293,7 @@ impl Engine {
         self.refuse_mail(key, &why);
         self.hibernating.insert(key, session);
         self.count_hibernating();
-        self.journal.add(mark);
+        self.submit_parts(key, vec![mark], None);
         self.schedule(key);
         why
     }

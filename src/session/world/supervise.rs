@@ -10,7 +10,7 @@ use tracing::{error, info, warn};
 
 use crate::machine;
 use crate::session::error::SessionError;
-use crate::session::message::Message;
+use crate::session::message::{Message, stopped};
 
 use super::engine::{Beginning, Engine, Silence};
 use super::revive::Revival;
@@ -48,6 +48,7 @@ impl Engine {
             }
         }
         self.close();
+        self.records.values().for_each(|record| record.receipts().end(&stopped()));
     }
 
     /// Does what there is to do, and opens the device anew where that fails. False means that it was told to
@@ -81,6 +82,9 @@ impl Engine {
         self.vitals.healthy.store(false, Ordering::Relaxed);
         // Whoever still waits learns that nobody answers any more.
         self.inbox.close();
+        if self.storage.is_to_be_rewritten() {
+            self.rewrite();
+        }
         self.journal.stop();
     }
 
@@ -143,29 +147,22 @@ impl Engine {
     fn refuse_everybody(&mut self, why: &str) {
         let why = SessionError::Unavailable(format!("{why}; nothing was changed, try again"));
         std::mem::take(&mut self.mail).into_values().for_each(|inbox| inbox.refuse(&why));
-        self.journal.abandon(&why);
-        self.journal.flush();
+        self.journal.send();
         self.fallen.clear();
         self.slots = Default::default();
-        self.checkpointing = None;
         self.saving = false;
         self.reviving = false;
-        for (session, stored) in self.give_up_all_waking(&why) {
-            self.comebacks.insert(session.key, Revival::anew(session, stored));
-        }
-        for (key, mut simulation) in std::mem::take(&mut self.simulations).into_iter() {
-            let session = simulation.session.clone();
-            let until = simulation.until(self.frame);
-            simulation.refuse_all(&why);
-            if self.comebacks.contains_key(&key) {
-                continue;
+        for session in self.give_up_all_waking(&why) {
+            if let Some(stored) = self.new_life(session.key, 0) {
+                self.comebacks.insert(session.key, Revival::anew(session, stored));
             }
-            match self.journal.new_life(key, until) {
-                Some(stored) => {
-                    self.comebacks.insert(key, Revival::anew(session, stored));
-                }
-                // It was still being made.
-                None => self.forget(key, &session),
+        }
+        for (key, simulation) in std::mem::take(&mut self.simulations).into_iter() {
+            // Where it was being brought back, that begins anew.
+            if self.comebacks.contains_key(&key) {
+                simulation.refuse_all(&why);
+            } else {
+                self.evict(simulation, &why);
             }
         }
     }

@@ -12,7 +12,8 @@ use crate::machine;
 use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
-use crate::session::journal::{Feedback, Left, Record, Submission};
+use crate::session::journal::{Left, Part, Record, Stored};
+use crate::session::simulation::Simulation;
 
 use super::engine::Engine;
 use super::requests::gone;
@@ -59,7 +60,7 @@ impl Engine {
         let now = machine::now();
         let free = self.checkpointing.is_none();
         while self.checkpointing.is_none()
-            && self.journal.refusal().is_none()
+            && self.storage.refusal().is_none()
             && let Some(key) = self.saves.pop_due(now)
         {
             self.save(key);
@@ -96,14 +97,14 @@ impl Engine {
             },
         };
         // Where it is being woken, this is looked at again when it is awake.
-        if self.leaving.contains_key(&key) || self.waking.contains_key(&key) {
+        if self.is_leaving(key) || self.waking.contains_key(&key) {
             return;
         }
         // Of a locked one an administrator decides.
         let forsaken = !session.is_locked() && kept.is_some_and(|kept| session.idle_for() >= kept);
         if !forsaken {
             self.schedule(key);
-        } else if self.journal.refusal().is_some() {
+        } else if self.storage.refusal().is_some() {
             self.ends.set(key, now.checked_add(RETRY));
         } else {
             info!(session = session.id, "deleted: nobody has asked for it");
@@ -115,9 +116,9 @@ impl Engine {
     /// hibernates.
     fn save(&mut self, key: u64) {
         let (frame, interval) = (self.frame, self.checkpoint_interval);
-        let Some(simulation) = self.simulations.get_mut(&key) else { return };
         // Either is looked at again when that ends.
-        let elsewhere = self.leaving.contains_key(&key) || self.waking.contains_key(&key);
+        let elsewhere = self.is_leaving(key) || self.waking.contains_key(&key);
+        let Some(simulation) = self.simulations.get_mut(&key) else { return };
         if simulation.step.is_some() || simulation.frozen || elsewhere {
             return;
         }
@@ -141,72 +142,78 @@ impl Engine {
 
     /// Hands what a frame has left of a session to the journal.
     pub(super) fn hand_over(&mut self, key: u64, left: Left) {
-        if let Some(submission) = left.submission {
-            self.journal.add(submission);
+        if let Some(append) = left.append {
+            self.submit(append, Vec::new());
         }
         if let Some(simulation) = self.simulations.get(&key) {
             let rests = simulation.log.rests();
             self.simulations.set_at_rest(key, rests);
         }
-        if let Some((generation, base, taken)) = left.checkpoint {
-            self.journal.checkpoint(key, generation, base, taken);
+        if let Some((life, base, taken)) = left.checkpoint {
+            self.journal.checkpoint(key, life, base, taken);
         }
     }
 
-    /// Does what the journal asks for.
+    /// Has sessions go back to what is stored of them.
     ///
     /// # Errors
-    /// Those of the backend, where sessions have to go back to what is durable.
-    pub(super) fn hear_journal(&mut self) -> Result<(), EngineError> {
-        while let Some(feedback) = self.journal.told() {
-            match feedback {
-                Feedback::Undo { keys, refused, why } => {
-                    let done = self.go_back(&keys);
-                    refused.into_iter().for_each(|ack| ack(Err(why.clone())));
-                    done?;
-                }
-                Feedback::Deleted { key, result } => self.deleted(key, &result),
-                Feedback::Checkpoint { key, generation, stored } => {
-                    self.checkpointed(key, generation, stored);
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Has sessions go back to what is durable of them.
+    /// Those of the backend.
     pub(super) fn go_back(&mut self, keys: &[u64]) -> Result<(), EngineError> {
-        let why = self.journal.refusal().unwrap_or_else(|| {
+        let why = self.storage.refusal().unwrap_or_else(|| {
             SessionError::Unavailable("the session went back to what is stored".to_owned())
         });
         for &key in keys {
-            let Some(mut simulation) = self.simulations.remove(&key) else {
-                self.wake_anew(key);
+            let Some(simulation) = self.simulations.remove(&key) else {
+                self.begin_anew(key);
                 continue;
             };
             self.backend.release(simulation.slot);
             self.slots.give_back(simulation.slot);
-            if self.checkpointing == Some(key) {
-                self.checkpointing = None;
-            }
-            self.waking.remove(&key);
-            let session = simulation.session.clone();
-            let until = simulation.until(self.frame);
-            simulation.refuse_all(&why);
-            match self.journal.new_life(key, until) {
-                Some(stored) => {
-                    self.comebacks.insert(key, Revival::anew(session, stored));
-                }
-                None => self.forget(key, &session),
-            }
+            self.evict(simulation, &why);
         }
         self.bring_back()
     }
 
-    fn checkpointed(&mut self, key: u64, generation: u64, stored: bool) {
-        let (frame, base) = (self.frame, self.journal.base(key));
+    /// Has a session that is not on the device any more come back. Who waits for it gets `why`.
+    pub(super) fn evict(&mut self, mut simulation: Box<Simulation>, why: &SessionError) {
+        let (session, until) = (simulation.session.clone(), simulation.until(self.frame));
+        let key = session.key;
+        if self.checkpointing == Some(key) {
+            self.checkpointing = None;
+        }
+        self.waking.remove(&key);
+        if let Some(position) = simulation.log.unkept()
+            && let Some(record) = self.records.get_mut(&key)
+        {
+            record.position = position;
+            record.receipts().refuse((position, position), why);
+        }
+        simulation.refuse_all(why);
+        match self.new_life(key, until) {
+            Some(stored) => {
+                self.comebacks.insert(key, Revival::anew(session, stored));
+            }
+            // It was still being made.
+            None => self.forget(key, &session),
+        }
+    }
+
+    /// What a session comes back from. It begins at a tick, or later where that is stored, and its time stands
+    /// still until then. What its earlier life still does is void.
+    pub(super) fn new_life(&mut self, key: u64, tick: u64) -> Option<Stored> {
+        let record = self.records.get_mut(&key)?;
+        record.life += 1;
+        let mut stored = record.present();
+        stored.mark.tick = stored.mark.tick.max(tick);
+        stored.mark.rest = None;
+        Some(stored)
+    }
+
+    pub(super) fn checkpointed(&mut self, key: u64, life: u64, stored: bool) {
+        let frame = self.frame;
+        let base = self.records.get(&key).map_or(0, |record| record.stored.base());
         let Some(simulation) = self.simulations.get_mut(&key) else { return };
-        if simulation.log.generation() != generation {
+        if simulation.log.life() != life {
             return;
         }
         if self.checkpointing == Some(key) {
@@ -214,6 +221,10 @@ impl Engine {
         }
         if !stored {
             simulation.log.uncover(base);
+        }
+        if self.stop.is_some() {
+            // Time stands still for good.
+            return;
         }
         let covered = stored && !simulation.has_orders() && simulation.log.is_covered();
         if simulation.frozen && covered && simulation.is_tired() {
@@ -247,35 +258,29 @@ impl Engine {
         self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
     }
 
-    /// Deletes a session: first from the store, then from the device.
+    /// Deletes a session: first from the store, then from the device. Nothing else happens to it meanwhile.
     pub(super) fn delete(&mut self, key: u64, reply: Option<Answer<()>>) {
-        let generation = self.generation(key);
-        let begun = self.leaving.contains_key(&key);
-        self.leaving.entry(key).or_default().extend(reply);
-        if !begun {
-            let records = vec![Record::Delete];
-            self.journal.add(Submission { key, generation, records, acks: Vec::new() });
-            self.journal.send();
+        if let Some(deletion) = self.records.get_mut(&key).and_then(Record::deletion) {
+            deletion.replies.extend(reply);
+            return;
         }
+        self.submit_parts(key, vec![Part::Delete], reply);
+        self.simulations.set_active(key, false);
     }
 
-    /// Takes a session out of the world that is no longer stored, and answers whoever waits for that.
-    pub(super) fn deleted(&mut self, key: u64, result: &Result<(), SessionError>) {
-        let waiting = self.leaving.remove(&key).unwrap_or_default();
-        if result.is_ok() {
-            let waking = self.give_up_waking(key, &gone()).map(|(session, _)| session);
-            if self.simulations.contains_key(&key) {
-                self.remove(key, &gone());
-            } else if let Some(session) = self.hibernating.remove(&key).or(waking) {
-                self.forget(key, &session);
-            }
-            self.count_hibernating();
+    /// Takes a session out of the world that is no longer stored.
+    pub(super) fn deleted(&mut self, key: u64) {
+        if let Some(record) = self.records.remove(&key) {
+            record.stored.done.iter().for_each(|done| self.answered.forget(&done.key));
+            record.receipts().end(&gone());
         }
-        self.schedule(key);
-        for reply in waiting {
-            // Whoever has gone away needs no answer.
-            reply.give(result.clone());
+        let waking = self.give_up_waking(key, &gone());
+        if self.simulations.contains_key(&key) {
+            self.remove(key, &gone());
+        } else if let Some(session) = self.hibernating.remove(&key).or(waking) {
+            self.forget(key, &session);
         }
+        self.count_hibernating();
     }
 
     pub(super) fn count_hibernating(&self) {

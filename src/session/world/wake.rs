@@ -49,23 +49,27 @@ impl Engine {
         }
         let Some(session) = self.hibernating.remove(&key) else { return Ok(()) };
         self.count_hibernating();
-        match self.journal.new_life(key, 0) {
-            Some(stored) => self.begin_to_wake(session, stored),
-            None => self.forget(key, &session),
-        }
+        self.begin_to_wake(session);
         Ok(())
     }
 
-    /// Begins anew to wake a session of which something was not made durable after that had begun.
-    pub(super) fn wake_anew(&mut self, key: u64) {
-        let Some(Waking { session, .. }) = self.waking.remove(&key) else { return };
-        match self.journal.new_life(key, 0) {
-            Some(stored) => self.begin_to_wake(session, stored),
-            None => self.forget(key, &session),
+    /// Begins anew to wake a session that goes back to what is stored, or to bring it back.
+    pub(super) fn begin_anew(&mut self, key: u64) {
+        if let Some(Waking { session, .. }) = self.waking.remove(&key) {
+            self.begin_to_wake(session);
+        } else if let Some(session) = self.comebacks.get(&key).map(Revival::session).cloned()
+            && let Some(stored) = self.new_life(key, 0)
+        {
+            self.comebacks.insert(key, Revival::anew(session, stored));
         }
     }
 
-    fn begin_to_wake(&mut self, session: Arc<Session>, stored: Stored) {
+    fn begin_to_wake(&mut self, session: Arc<Session>) {
+        let Some(stored) = self.new_life(session.key, 0) else {
+            self.forget(session.key, &session);
+            return;
+        };
+        let life = self.life(session.key);
         debug!(session = session.id, "wakes");
         let (maker, woken, kept) = (self.backend.maker(), session.clone(), stored.clone());
         let read = move || {
@@ -73,9 +77,9 @@ impl Engine {
                 Err(SessionError::Internal("reading its checkpoint failed".to_owned()))
             });
             let decoded = Box::new(decoded);
-            let (key, generation) = (woken.key, kept.generation);
+            let key = woken.key;
             // Where the world has ended, nobody waits for it.
-            let _ = woken.world.blocking_send(Message::Woken { key, generation, decoded });
+            let _ = woken.world.blocking_send(Message::Woken { key, life, decoded });
         };
         machine::aside(Box::new(read), |work| drop(self.clock.spawn_blocking(work)));
         self.waking.insert(session.key, Waking { session, stored });
@@ -88,11 +92,11 @@ impl Engine {
     pub(super) fn woken(
         &mut self,
         key: u64,
-        generation: u64,
+        life: u64,
         decoded: Result<Decoded, SessionError>,
     ) -> Result<(), EngineError> {
-        let of_this_life = |waking: &&Waking| waking.stored.generation == generation;
-        let Some(Waking { session, stored, .. }) = self.waking.get(&key).filter(of_this_life)
+        let of_this_life = self.life(key) == life;
+        let Some(Waking { session, stored }) = self.waking.get(&key).filter(|_| of_this_life)
         else {
             return Ok(());
         };
@@ -134,19 +138,20 @@ impl Engine {
     }
 
     /// Gives up waking a session. Whoever waits for it is told why.
-    pub(super) fn give_up_waking(
-        &mut self,
-        key: u64,
-        why: &SessionError,
-    ) -> Option<(Arc<Session>, Stored)> {
-        let Waking { session, stored } = self.waking.remove(&key)?;
+    pub(super) fn give_up_waking(&mut self, key: u64, why: &SessionError) -> Option<Arc<Session>> {
+        let Waking { session, .. } = self.waking.remove(&key)?;
         self.refuse_mail(key, why);
-        Some((session, stored))
+        Some(session)
     }
 
     /// Gives up waking all sessions that are being woken.
-    pub(super) fn give_up_all_waking(&mut self, why: &SessionError) -> Vec<(Arc<Session>, Stored)> {
+    pub(super) fn give_up_all_waking(&mut self, why: &SessionError) -> Vec<Arc<Session>> {
         let keys: Vec<u64> = self.waking.keys().copied().collect();
         keys.into_iter().filter_map(|key| self.give_up_waking(key, why)).collect()
+    }
+
+    /// The life that a session is in.
+    fn life(&self, key: u64) -> u64 {
+        self.records.get(&key).map_or(0, |record| record.life)
     }
 }

@@ -1,0 +1,302 @@
+//! What is handed to the journal, and what the journal says of it: what is durable, and what has to be taken
+//! back. Until what the store may hold wrongly is written anew, changes are refused and everything else goes
+//! on.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use firn_engine::frame::EngineError;
+use tracing::{error, info};
+
+use crate::machine;
+use crate::session::answer::Answer;
+use crate::session::error::SessionError;
+use crate::session::journal::{
+    Append, Checkpoint, Mark, Part, Pending, Record, Verdict, unstorable,
+};
+use crate::session::receipt::Receipts;
+use crate::store::StoreError;
+
+use super::engine::Engine;
+use super::requests::gone;
+
+/// Time between two attempts to write to a store that failed.
+const RETRY: Duration = Duration::from_millis(250);
+
+/// Appends that may be on their way; beyond them changes are refused.
+const LONGEST_BACKLOG: usize = 65_536;
+
+/// How the store is doing, as far as the world has heard.
+#[derive(Default)]
+pub(super) struct Storage {
+    /// Why it can't be written to.
+    failure: Option<StoreError>,
+    /// Sessions that it may hold wrongly.
+    spoiled: BTreeSet<u64>,
+    /// Sessions that are being written anew, and how far they had come.
+    rewriting: Option<BTreeMap<u64, Mark>>,
+    next_attempt: Option<Instant>,
+    /// Appends that nothing has been heard of.
+    under_way: usize,
+    /// Positions, first and last, that were taken back. Who waits for them is told when all sessions are back:
+    /// nobody reads then what was not stored.
+    taken_back: Vec<(Arc<Receipts>, (u64, u64), SessionError)>,
+    /// Nobody is left who would commit anything.
+    dead: bool,
+}
+
+impl Storage {
+    /// Whether all is written as it should be.
+    pub fn is_settled(&self) -> bool {
+        self.failure.is_none() && self.rewriting.is_none()
+    }
+
+    /// Whether it has failed, and nothing is under way that would mend that.
+    pub fn is_to_be_rewritten(&self) -> bool {
+        self.failure.is_some() && self.rewriting.is_none()
+    }
+
+    /// Why changes can't be taken now, if they can't.
+    pub fn refusal(&self) -> Option<SessionError> {
+        if self.dead {
+            return Some(unavailable());
+        }
+        if let Some(failure) = &self.failure {
+            return Some(unstorable(failure));
+        }
+        (self.under_way > LONGEST_BACKLOG).then(|| {
+            let waiting = self.under_way;
+            SessionError::Unavailable(format!("{waiting} changes wait for the disk already"))
+        })
+    }
+}
+
+impl Engine {
+    /// Hands something of a session to the journal. Who waits for it is answered when it is durable.
+    pub(super) fn submit(&mut self, append: Append, replies: Vec<Answer<()>>) {
+        let key = append.key;
+        if let Some(Part::Create(identity, origin)) = append.parts.first() {
+            let receipts = append.receipts.clone();
+            let record = || Record::new(identity.clone(), origin.clone(), receipts);
+            self.records.entry(key).or_insert_with(record);
+        }
+        let Some(record) = self.records.get_mut(&key).filter(|record| !record.is_leaving()) else {
+            replies.into_iter().for_each(|reply| reply.refuse(&gone()));
+            return;
+        };
+        record.push(&append, replies);
+        if let Some(simulation) = self.simulations.get_mut(&key) {
+            simulation.log.go_on_from(append.position);
+        }
+        self.storage.under_way += 1;
+        self.journal.add(append);
+    }
+
+    /// Hands parts of a session to the journal at once.
+    pub(super) fn submit_parts(&mut self, key: u64, parts: Vec<Part>, reply: Option<Answer<()>>) {
+        if let Some(record) = self.records.get(&key) {
+            let append = record.append(key, parts);
+            self.submit(append, reply.into_iter().collect());
+            self.journal.send();
+        } else if let Some(reply) = reply {
+            reply.refuse(&gone());
+        }
+    }
+
+    /// Whether a session is being deleted.
+    pub(super) fn is_leaving(&self, key: u64) -> bool {
+        self.records.get(&key).is_some_and(Record::is_leaving)
+    }
+
+    /// Takes in what the journal says, and has it try again what has failed.
+    ///
+    /// # Errors
+    /// Those of the backend, where sessions have to go back to what is durable.
+    pub(super) fn hear_journal(&mut self) -> Result<(), EngineError> {
+        if self.journal.is_dead() && !self.storage.dead {
+            self.storage.dead = true;
+            self.vitals.store.set_healthy(false);
+            self.records.values().for_each(|record| record.receipts().end(&unavailable()));
+        }
+        while let Some(verdict) = self.journal.told() {
+            self.hear(verdict)?;
+        }
+        let due = self.storage.next_attempt.is_some_and(|next| next <= machine::now());
+        if due && self.storage.rewriting.is_none() {
+            self.rewrite();
+        }
+        Ok(())
+    }
+
+    pub(super) fn hear(&mut self, verdict: Verdict) -> Result<(), EngineError> {
+        match verdict {
+            Verdict::Durable(appends) => {
+                self.storage.under_way -= appends.len();
+                appends.into_iter().for_each(|(key, position)| self.confirm(key, position));
+            }
+            Verdict::Failed(appends, failure) => {
+                self.storage.under_way -= appends.len();
+                self.fail(&failure);
+                self.take_back(&appends, &unstorable(&failure))?;
+            }
+            Verdict::Rewritten(result) => self.rewritten(result),
+            Verdict::Packed { key, life, checkpoint } => self.packed(key, life, checkpoint),
+        }
+        Ok(())
+    }
+
+    /// What is on its way of a session up to a position is durable.
+    fn confirm(&mut self, key: u64, position: u64) {
+        let Some(record) = self.records.get_mut(&key) else { return };
+        for Pending { life, parts, replies, .. } in record.confirm(position) {
+            for part in &*parts {
+                match part {
+                    Part::Checkpoint(_) => self.checkpointed(key, life, true),
+                    Part::Identity(identity) => {
+                        if let Some(session) = self.session(key) {
+                            session.set_tokens(identity.tokens);
+                        }
+                    }
+                    Part::Lock(None) => {
+                        if let Some(session) = self.session(key) {
+                            info!(session = session.id, "unlocked");
+                            session.set_locked(false);
+                        }
+                    }
+                    Part::Delete => self.deleted(key),
+                    _ => {}
+                }
+            }
+            replies.into_iter().for_each(|reply| reply.give(Ok(())));
+        }
+    }
+
+    /// Takes back what was not made durable.
+    fn take_back(&mut self, appends: &[(u64, u64)], why: &SessionError) -> Result<(), EngineError> {
+        let mut back = Vec::new();
+        for &(key, position) in appends {
+            self.storage.spoiled.insert(key);
+            let Some(record) = self.records.get_mut(&key) else { continue };
+            if !record.awaits(position) {
+                continue;
+            }
+            let (exists, receipts) = (record.exists, record.receipts().clone());
+            let (cut, range) = record.cut();
+            for Pending { life, parts, replies, .. } in cut {
+                replies.into_iter().for_each(|reply| reply.refuse(why));
+                if parts.iter().any(|part| matches!(part, Part::Checkpoint(_))) {
+                    self.checkpointed(key, life, false);
+                }
+            }
+            match range {
+                Some(range) if exists => {
+                    back.push(key);
+                    self.storage.taken_back.push((receipts, range, why.clone()));
+                }
+                Some(range) => {
+                    receipts.refuse(range, why);
+                    self.abolish(key, why);
+                }
+                // It goes on, where it was to be deleted.
+                None => {
+                    self.review(key);
+                    self.schedule(key);
+                }
+            }
+        }
+        // Where the server stops nobody reads any more.
+        if self.stop.is_none() {
+            self.go_back(&back)?;
+        }
+        self.tell_of_taken_back();
+        Ok(())
+    }
+
+    /// Tells whoever waits for what was taken back.
+    pub(super) fn tell_of_taken_back(&mut self) {
+        let taken_back = std::mem::take(&mut self.storage.taken_back);
+        taken_back.into_iter().for_each(|(receipts, range, why)| receipts.refuse(range, &why));
+    }
+
+    /// Takes a session out of the world that was never stored.
+    fn abolish(&mut self, key: u64, why: &SessionError) {
+        self.comebacks.remove(&key);
+        self.remove(key, why);
+        self.records.remove(&key);
+    }
+
+    fn fail(&mut self, failure: &StoreError) {
+        let gone = |failure: &StoreError| matches!(failure, StoreError::Gone(_));
+        let before = self.storage.failure.replace(failure.clone());
+        self.vitals.store.set_gone(gone(failure));
+        self.vitals.store.set_healthy(false);
+        if before.is_none_or(|before| gone(&before) != gone(failure)) {
+            error!("the store can't be written to: {failure}; changes are refused until it can");
+        }
+        let next = self.storage.next_attempt;
+        self.storage.next_attempt = next.or_else(|| machine::now().checked_add(RETRY));
+    }
+
+    /// Has the beginning of this life written: where each session stands.
+    pub(super) fn begin_record(&mut self, begun: Vec<(u64, Vec<Part>)>) {
+        self.storage.spoiled = begun.iter().map(|(key, _)| *key).collect();
+        self.storage.rewriting = Some(BTreeMap::new());
+        self.journal.rewrite(begun, self.frame);
+    }
+
+    /// Has everything written anew that the store may hold wrongly.
+    pub(super) fn rewrite(&mut self) {
+        self.storage.next_attempt = None;
+        let (mut sessions, mut marks) = (Vec::new(), BTreeMap::new());
+        for &key in &self.storage.spoiled {
+            let Some(record) = self.records.get(&key).filter(|record| record.exists) else {
+                sessions.push((key, vec![Part::Delete]));
+                continue;
+            };
+            let mut stored = record.stored.clone();
+            stored.done.retain(|done| !self.answered.is_over(done));
+            let present = self.simulations.get(&key).and_then(|sim| sim.present_mark());
+            if let Some(mark) = present.filter(|mark| mark.next == stored.next()) {
+                stored.mark = mark;
+            }
+            sessions.push((key, stored.parts()));
+            marks.insert(key, stored.mark);
+        }
+        self.storage.rewriting = Some(marks);
+        self.journal.rewrite(sessions, self.frame);
+    }
+
+    fn rewritten(&mut self, result: Result<(), StoreError>) {
+        let marks = self.storage.rewriting.take().unwrap_or_default();
+        if let Err(failure) = result {
+            self.fail(&failure);
+            return;
+        }
+        for (key, mark) in marks {
+            if let Some(record) = self.records.get_mut(&key) {
+                record.stored.mark = mark;
+            }
+        }
+        self.storage.spoiled.clear();
+        self.storage.next_attempt = None;
+        if self.storage.failure.take().is_some() {
+            info!("the store can be written to again; changes are taken");
+            self.vitals.store.set_gone(false);
+            self.vitals.store.set_healthy(true);
+        }
+    }
+
+    /// Hands a checkpoint over that was made of a session's snapshot.
+    fn packed(&mut self, key: u64, life: u64, checkpoint: Option<Arc<Checkpoint>>) {
+        let lives = self.simulations.get(&key).is_some_and(|sim| sim.log.life() == life);
+        match checkpoint.filter(|_| lives && self.storage.failure.is_none()) {
+            Some(checkpoint) => self.submit_parts(key, vec![Part::Checkpoint(checkpoint)], None),
+            None => self.checkpointed(key, life, false),
+        }
+    }
+}
+
+fn unavailable() -> SessionError {
+    SessionError::Unavailable("changes can't be stored any more: only a restart helps".to_owned())
+}
