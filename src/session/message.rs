@@ -14,7 +14,7 @@ use super::once::Done;
 use super::receipt::Receipted;
 use super::snapshot::Snapshot;
 use super::token::TokenHashes;
-use super::world::{Decoded, Fault};
+use super::world::{Fault, Read};
 
 /// What the world is told.
 pub(super) enum Message {
@@ -35,12 +35,8 @@ pub(super) enum Message {
         key: u64,
         control: Control,
     },
-    /// What is stored of a session that is being woken has been read, in the life that it is of.
-    Woken {
-        key: u64,
-        life: u64,
-        decoded: Box<Result<Decoded, SessionError>>,
-    },
+    /// What is stored of sessions that come back has been read.
+    Read(Vec<Read>),
     /// Something is to be heard from the journal.
     Nudge,
     Break(Fault),
@@ -64,7 +60,7 @@ impl Message {
             Message::Create { reply, .. } => reply.refuse(why),
             Message::Request { request, .. } => request.refuse(why),
             Message::Control { control, .. } => control.refuse(why),
-            Message::Woken { .. } | Message::Nudge | Message::Break(_) | Message::Stop(_) => {}
+            Message::Read(_) | Message::Nudge | Message::Break(_) | Message::Stop(_) => {}
         }
     }
 }

@@ -229,6 +229,13 @@ impl Simulation {
         }
     }
 
+    /// Has the coming frame show what has come of a replay. No time has passed until then.
+    pub(super) fn show(&mut self, frame: u64) {
+        self.frame = frame;
+        self.unpublished = true;
+        self.missed = true;
+    }
+
     /// Lets time go on after it stood still, and has that published.
     pub(super) fn thaw(&mut self, frame: u64) {
         self.frozen = false;

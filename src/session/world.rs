@@ -5,7 +5,9 @@
 //! do, waits for its outcome, publishes and answers. Ticks fall on a beat of 60 frames a second;
 //! frames between beats carry out requests at once.
 
+mod back;
 mod backoff;
+mod begin;
 mod deadlines;
 mod durability;
 mod engine;
@@ -15,13 +17,11 @@ mod mail;
 mod manual;
 mod marks;
 mod requests;
-mod revive;
 mod simulations;
 mod slots;
 mod storage;
 mod supervise;
 mod upkeep;
-mod wake;
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -45,15 +45,16 @@ use super::pace::Pace;
 use super::registry::{DECODED_AT_ONCE, Sessions};
 use super::spec::Limits;
 use super::vitals::Vitals;
+use back::Coming;
 use backoff::Backoff;
+use begin::Beginning;
 use deadlines::Deadlines;
-use engine::{Beginning, Engine};
-use revive::Revival;
+use engine::Engine;
 use simulations::Simulations;
 use slots::Slots;
 use storage::Storage;
 
-pub(super) use revive::Decoded;
+pub(super) use back::Read;
 
 pub use manual::{ManualJournal, ManualWorld};
 
@@ -161,7 +162,7 @@ impl World {
         let mut jump = [0; 8];
         machine::fill(&mut jump).map_err(std::io::Error::other)?;
         let jump = u64::from_le_bytes(jump) % SEQ_RESERVE;
-        let (records, comebacks) = come_back(&sessions, stored, frame, jump);
+        let (records, coming) = come_back(&sessions, stored, frame, jump);
         // The runtime waits for a request or for the next beat, whatever comes first, and decodes what is
         // stored of sessions that are woken.
         let clock = tokio::runtime::Builder::new_current_thread()
@@ -172,7 +173,7 @@ impl World {
         let (journal, workers) =
             Journal::new(durability.store, answered.clone(), vitals.store.clone(), nudge, ages);
         // Where nothing was stored nobody was ever told anything.
-        let new = comebacks.is_empty();
+        let new = coming.is_empty();
         let beginning = if new { Beginning::OnDisk } else { Beginning::Unwritten };
         let engine = Engine {
             backend,
@@ -194,15 +195,15 @@ impl World {
             saves: Deadlines::default(),
             hibernating: HashMap::new(),
             mail: BTreeMap::new(),
-            waking: BTreeMap::new(),
+            queue: coming.keys().copied().collect(),
+            coming,
+            began: machine::now(),
             records,
             storage: Storage::default(),
             answered,
             slots: Slots::default(),
             object_rows: Arc::default(),
             journal,
-            comebacks,
-            reviving: false,
             fallen: Vec::new(),
             checkpointing: None,
             stop: None,
@@ -259,11 +260,11 @@ fn come_back(
     stored: BTreeMap<u64, Stored>,
     frame: u64,
     jump: u64,
-) -> (BTreeMap<u64, Record>, BTreeMap<u64, Revival>) {
+) -> (BTreeMap<u64, Record>, BTreeMap<u64, Coming>) {
     if !stored.is_empty() {
         info!("bringing back {} sessions", stored.len());
     }
-    let mut comebacks = BTreeMap::new();
+    let mut coming = BTreeMap::new();
     let mut records = BTreeMap::new();
     for (key, mut stored) in stored {
         let checkpoint = stored.checkpoint.clone();
@@ -299,9 +300,9 @@ fn come_back(
         session.set_lost_seqs(&stored.mark.lost);
         stored.weigh();
         records.insert(key, Record::of(stored.clone(), session.receipts.clone()));
-        comebacks.insert(key, Revival::at_start(Arc::new(session), stored, first));
+        coming.insert(key, Coming::at_start(Arc::new(session), stored, first));
     }
-    (records, comebacks)
+    (records, coming)
 }
 
 /// Requests that carried a key, of all sessions, the oldest first.

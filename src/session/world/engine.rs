@@ -1,7 +1,7 @@
 //! The loop of the world's thread: beats, frames and what came of them.
 
 use std::cell::RefCell;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -23,14 +23,14 @@ use crate::session::pace::Pace;
 use crate::session::simulation::Simulation;
 use crate::session::vitals::{FrameTime, Vitals};
 
+use super::back::Coming;
 use super::backoff::Backoff;
+use super::begin::Beginning;
 use super::deadlines::Deadlines;
 use super::frame::caught;
-use super::revive::Revival;
 use super::simulations::Simulations;
 use super::slots::Slots;
 use super::storage::Storage;
-use super::wake::Waking;
 use super::{OpenBackend, TAKEN_AT_ONCE, WorldConfig};
 
 /// Why no request came.
@@ -40,15 +40,6 @@ pub(super) enum Silence {
     Time,
     /// There is nobody left to send one.
     Nobody,
-}
-
-/// How far it is written where this life of the server begins.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Beginning {
-    Unwritten,
-    /// The journal has it.
-    HandedOver,
-    OnDisk,
 }
 
 /// What lives on the world's thread.
@@ -78,8 +69,11 @@ pub(super) struct Engine {
     pub(super) hibernating: HashMap<u64, Arc<Session>>,
     /// What waits for sessions.
     pub(super) mail: BTreeMap<u64, Inbox>,
-    /// Sessions that are being woken.
-    pub(super) waking: BTreeMap<u64, Waking>,
+    /// Sessions that are on their way back, and the order in which they come.
+    pub(super) coming: BTreeMap<u64, Coming>,
+    pub(super) queue: VecDeque<u64>,
+    /// When the server was started.
+    pub(super) began: Instant,
     /// What sessions come back from.
     pub(super) records: BTreeMap<u64, Record>,
     pub(super) storage: Storage,
@@ -88,10 +82,6 @@ pub(super) struct Engine {
     /// What the objects of all sessions take in the device's tables.
     pub(super) object_rows: Arc<AtomicU64>,
     pub(super) journal: Journal,
-    /// Sessions that are to be brought back before anything else.
-    pub(super) comebacks: BTreeMap<u64, Revival>,
-    /// Sessions are being brought back.
-    pub(super) reviving: bool,
     /// Sessions that panicked.
     pub(super) fallen: Vec<u64>,
     /// The session of which a checkpoint is being made.
@@ -110,23 +100,22 @@ impl Engine {
     /// # Errors
     /// Those of the backend, after which it has to be opened anew.
     pub(super) fn turn(&mut self, first: Option<Message>) -> Result<bool, EngineError> {
-        self.hear_journal()?;
+        self.hear_journal();
         if !self.has_begun() {
             return Ok(self.turn_away(first));
         }
-        self.bring_back()?;
-        self.tell_of_taken_back();
         if !self.take_messages(first)? {
             return Ok(false);
         }
         let (begun, beat) = (machine::now(), self.frame);
         // The frame with a checkpoint takes on nothing that falls on a beat.
         let publish = !std::mem::take(&mut self.saving) && self.beat();
-        self.look_after_sessions()?;
+        self.look_after_sessions();
+        self.read_next();
         self.drain_mail();
-        self.feed_waking();
+        self.feed_coming();
         let frame = self.carry_out_frame(publish)?;
-        self.advance_waking();
+        self.advance_coming();
         if frame.sessions > 0 || self.frame > beat {
             let took = machine::since(begun);
             self.vitals.note(FrameTime { took, ..frame });
@@ -184,7 +173,8 @@ impl Engine {
     /// Counts the frame where one is due. Returns whether publications are due with it.
     fn beat(&mut self) -> bool {
         let now = machine::now();
-        if now < self.next_beat {
+        // While sessions come back after a start nobody's time passes.
+        if now < self.next_beat || !self.vitals.is_recovered() {
             return false;
         }
         self.frame += 1;
@@ -239,10 +229,10 @@ impl Engine {
     pub(super) fn fell(&mut self, key: u64) {
         let Some(simulation) = self.simulations.get(&key) else { return };
         let id = simulation.session.id.clone();
-        if self.reviving || self.waking.contains_key(&key) {
+        if self.coming.contains_key(&key) {
             error!(session = id, "bringing this session back panicked; it is set aside");
             let why = SessionError::Internal(format!("session '{id}' failed"));
-            self.give_up_waking(key, &why);
+            self.give_up_coming(key, &why);
             self.remove(key, &why);
         } else {
             error!(session = id, "handling this session panicked; it is brought back");

@@ -22,9 +22,10 @@ impl Engine {
         let Some(deadline) = self.stop.filter(|_| self.journal.durable) else { return };
         let began = machine::now();
         let why = SessionError::Unavailable("the server is stopping".to_owned());
-        // What is stored of sessions that panicked, or are being woken, is right, and what is here is not.
-        let waking = self.give_up_all_waking(&why).into_iter().map(|session| session.key);
-        for key in std::mem::take(&mut self.fallen).into_iter().chain(waking) {
+        // What is stored of sessions that panicked, or come back, is right, and what is here is not.
+        let coming: Vec<u64> = self.coming.keys().copied().collect();
+        for key in std::mem::take(&mut self.fallen).into_iter().chain(coming) {
+            self.give_up_coming(key, &why);
             self.remove(key, &why);
         }
         self.stand_still(deadline);
@@ -104,10 +105,7 @@ impl Engine {
                 Verdict::Packed { key, checkpoint: None, .. } => drop(wave.remove(key)),
                 _ => {}
             }
-            if let Err(failure) = self.hear(verdict) {
-                warn!("no last checkpoints: {failure}");
-                break;
-            }
+            self.hear(verdict);
             let stored = |key: &u64| self.records.get(key).is_none_or(Record::is_quiet);
             let before = wave.len();
             wave.retain(|key| !(packed.contains(key) && stored(key)));

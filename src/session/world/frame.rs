@@ -34,8 +34,8 @@ impl Engine {
             sleep: self.config.sleep,
             slipped_us: &self.vitals.slipped_us,
         };
-        // Nobody waits where all of them are brought back or saved.
-        let take_turns = !self.reviving && self.stop.is_none();
+        // Nobody waits where all of them come back or are saved.
+        let take_turns = self.vitals.is_recovered() && self.stop.is_none();
         let Planned { work, part, mut idle, mut failed, waiting } =
             plan(&mut self.simulations, turn, take_turns);
         self.vitals.waits.fetch_add(waiting.over_share + waiting.for_others, Ordering::Relaxed);

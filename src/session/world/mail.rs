@@ -1,8 +1,6 @@
 //! What sessions are asked: it waits in their inboxes, wherever their snow is, and is taken in between two
 //! frames.
 
-use firn_engine::frame::EngineError;
-
 use crate::session::error::SessionError;
 use crate::session::inbox::Request;
 use crate::session::simulation::Simulation;
@@ -12,21 +10,18 @@ use super::requests::gone;
 
 impl Engine {
     /// Puts a request into the inbox of its session, and wakes that.
-    ///
-    /// # Errors
-    /// Those of the backend, where a session that panicked is brought back.
-    pub(super) fn post(&mut self, key: u64, request: Request) -> Result<(), EngineError> {
+    pub(super) fn post(&mut self, key: u64, request: Request) {
         if self.session(key).is_none() {
             request.refuse(&gone());
-            return Ok(());
+            return;
         }
         let simulation = self.simulations.get(&key);
         if let Some(why) = simulation.and_then(|simulation| simulation.conflict(&request)) {
             request.refuse(&why);
-            return Ok(());
+            return;
         }
         self.mail.entry(key).or_default().push(request);
-        self.wake(key)
+        self.wake(key);
     }
 
     /// Has sessions take in what waits for them, as far as they can.
@@ -65,7 +60,7 @@ impl Engine {
 
     fn is_at_work(&self, key: u64) -> bool {
         self.simulations.contains_key(&key)
-            && !self.waking.contains_key(&key)
+            && !self.coming.contains_key(&key)
             && !self.fallen.contains(&key)
             && !self.is_leaving(key)
     }

@@ -26,7 +26,7 @@ impl Engine {
     /// Marks how far a session has come, where that is not known already.
     pub(super) fn mark(&mut self, key: u64) {
         // What is being woken has not come to what is marked already.
-        if !self.journal.durable || !self.storage.is_settled() || self.waking.contains_key(&key) {
+        if !self.journal.durable || !self.storage.is_settled() || self.coming.contains_key(&key) {
             return;
         }
         let Some(simulation) = self.simulations.get_mut(&key) else { return };

@@ -20,25 +20,22 @@ use crate::session::snapshot::Snapshot;
 use crate::session::token::TokenHashes;
 
 use super::Fault;
+use super::back::{Coming, Room};
 use super::engine::Engine;
-use super::revive::Room;
-use super::wake::Waking;
 
 impl Engine {
     /// Takes in what has arrived. Returns false where it says to stop.
     ///
     /// # Errors
-    /// Those of the backend, where a session is woken.
+    /// Those of the backend, where sessions come back.
     pub(super) fn take_message(&mut self, message: Message) -> Result<bool, EngineError> {
         match message {
             Message::Create { session, made, saved, done, reply } => {
                 self.create(session, made, saved, done, reply);
             }
-            Message::Request { key, request } => self.post(key, request)?,
-            Message::Control { key, control } => self.control(key, control)?,
-            Message::Woken { key, life, decoded } => {
-                self.woken(key, life, *decoded)?;
-            }
+            Message::Request { key, request } => self.post(key, request),
+            Message::Control { key, control } => self.control(key, control),
+            Message::Read(read) => self.take_in_all(read)?,
             Message::Nudge => {}
             Message::Break(Fault::LoseDevice) => self.backend.lose(),
             Message::Break(Fault::Panic) => panic!("a test asked for this"),
@@ -51,28 +48,24 @@ impl Engine {
     }
 
     /// Does something of a session at once.
-    ///
-    /// # Errors
-    /// Those of the backend, where a session that panicked is brought back.
-    fn control(&mut self, key: u64, control: Control) -> Result<(), EngineError> {
+    fn control(&mut self, key: u64, control: Control) {
         let Some(session) = self.session(key).cloned() else {
             control.refuse(&gone());
-            return Ok(());
+            return;
         };
         match control {
             Control::Delete(reply) => self.delete(key, Some(reply)),
             Control::Tokens(hashes, reply) => self.set_tokens(session, hashes, reply),
             Control::Unlock(reply) => self.unlock(key, reply),
-            Control::Wake => self.wake(key)?,
+            Control::Wake => self.wake(key),
         }
-        Ok(())
     }
 
     /// A session, wherever its snow is.
     pub(super) fn session(&self, key: u64) -> Option<&Arc<Session>> {
         let simulated = self.simulations.get(&key).map(|simulation| &simulation.session);
-        let waking = || self.waking.get(&key).map(Waking::session);
-        simulated.or_else(|| self.hibernating.get(&key)).or_else(waking)
+        let coming = || self.coming.get(&key).map(Coming::session);
+        simulated.or_else(|| self.hibernating.get(&key)).or_else(coming)
     }
 
     fn create(

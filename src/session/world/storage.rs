@@ -6,7 +6,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use firn_engine::frame::EngineError;
 use tracing::{error, info};
 
 use crate::machine;
@@ -39,12 +38,14 @@ pub(super) struct Storage {
     next_attempt: Option<Instant>,
     /// Appends that nothing has been heard of.
     under_way: usize,
-    /// Positions, first and last, that were taken back. Who waits for them is told when all sessions are back:
-    /// nobody reads then what was not stored.
-    taken_back: Vec<(Arc<Receipts>, (u64, u64), SessionError)>,
+    /// Positions of sessions, first and last, that were taken back. Who waits for them is told when the session
+    /// is back: nobody reads then what was not stored.
+    taken_back: BTreeMap<u64, Vec<TakenBack>>,
     /// Nobody is left who would commit anything.
     dead: bool,
 }
+
+type TakenBack = (Arc<Receipts>, (u64, u64), SessionError);
 
 impl Storage {
     /// Whether all is written as it should be.
@@ -110,26 +111,24 @@ impl Engine {
     }
 
     /// Takes in what the journal says, and has it try again what has failed.
-    ///
-    /// # Errors
-    /// Those of the backend, where sessions have to go back to what is durable.
-    pub(super) fn hear_journal(&mut self) -> Result<(), EngineError> {
+    pub(super) fn hear_journal(&mut self) {
         if self.journal.is_dead() && !self.storage.dead {
             self.storage.dead = true;
             self.vitals.store.set_healthy(false);
-            self.records.values().for_each(|record| record.receipts().end(&unavailable()));
+            let why = "the thread that stores changes has died: only a restart tells whether this one is stored";
+            let why = SessionError::Internal(why.to_owned());
+            self.records.values().for_each(|record| record.receipts().end(&why));
         }
         while let Some(verdict) = self.journal.told() {
-            self.hear(verdict)?;
+            self.hear(verdict);
         }
         let due = self.storage.next_attempt.is_some_and(|next| next <= machine::now());
         if due && self.storage.rewriting.is_none() {
             self.rewrite();
         }
-        Ok(())
     }
 
-    pub(super) fn hear(&mut self, verdict: Verdict) -> Result<(), EngineError> {
+    pub(super) fn hear(&mut self, verdict: Verdict) {
         match verdict {
             Verdict::Durable(appends) => {
                 self.storage.under_way -= appends.len();
@@ -138,12 +137,11 @@ impl Engine {
             Verdict::Failed(appends, failure) => {
                 self.storage.under_way -= appends.len();
                 self.fail(&failure);
-                self.take_back(&appends, &unstorable(&failure))?;
+                self.take_back(&appends, &unstorable(&failure));
             }
             Verdict::Rewritten(result) => self.rewritten(result),
             Verdict::Packed { key, life, checkpoint } => self.packed(key, life, checkpoint),
         }
-        Ok(())
     }
 
     /// What is on its way of a session up to a position is durable.
@@ -173,7 +171,7 @@ impl Engine {
     }
 
     /// Takes back what was not made durable.
-    fn take_back(&mut self, appends: &[(u64, u64)], why: &SessionError) -> Result<(), EngineError> {
+    fn take_back(&mut self, appends: &[(u64, u64)], why: &SessionError) {
         let mut back = Vec::new();
         for &(key, position) in appends {
             self.storage.spoiled.insert(key);
@@ -192,7 +190,8 @@ impl Engine {
             match range {
                 Some(range) if exists => {
                     back.push(key);
-                    self.storage.taken_back.push((receipts, range, why.clone()));
+                    let taken_back = self.storage.taken_back.entry(key).or_default();
+                    taken_back.push((receipts, range, why.clone()));
                 }
                 Some(range) => {
                     receipts.refuse(range, why);
@@ -206,22 +205,22 @@ impl Engine {
             }
         }
         // Where the server stops nobody reads any more.
-        if self.stop.is_none() {
-            self.go_back(&back)?;
+        if self.stop.is_some() {
+            back.into_iter().for_each(|key| self.tell_of_taken_back(key));
+        } else {
+            self.go_back(&back);
         }
-        self.tell_of_taken_back();
-        Ok(())
     }
 
-    /// Tells whoever waits for what was taken back.
-    pub(super) fn tell_of_taken_back(&mut self) {
-        let taken_back = std::mem::take(&mut self.storage.taken_back);
+    /// Tells whoever waits for what was taken back of a session.
+    pub(super) fn tell_of_taken_back(&mut self, key: u64) {
+        let taken_back = self.storage.taken_back.remove(&key).unwrap_or_default();
         taken_back.into_iter().for_each(|(receipts, range, why)| receipts.refuse(range, &why));
     }
 
     /// Takes a session out of the world that was never stored.
     fn abolish(&mut self, key: u64, why: &SessionError) {
-        self.comebacks.remove(&key);
+        self.coming.remove(&key);
         self.remove(key, why);
         self.records.remove(&key);
     }

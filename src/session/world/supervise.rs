@@ -3,6 +3,7 @@
 //! process helps.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -10,13 +11,14 @@ use tracing::{error, info, warn};
 
 use crate::machine;
 use crate::session::error::SessionError;
+use crate::session::handle::Session;
 use crate::session::message::{Message, stopped};
 
-use super::engine::{Beginning, Engine, Silence};
-use super::revive::Revival;
+use super::begin::Beginning;
+use super::engine::{Engine, Silence};
 
-/// Time between two looks at whether the beginning of this life is on disk.
-const UNWRITTEN: Duration = Duration::from_millis(50);
+/// Time between two looks at whether sessions have come back since the server was started.
+const UNRECOVERED: Duration = Duration::from_millis(50);
 
 /// What comes of a failure.
 #[derive(Debug, PartialEq, Eq)]
@@ -34,9 +36,10 @@ impl Engine {
     pub(super) fn supervise(mut self) {
         loop {
             let next = match self.beginning {
-                Beginning::HandedOver => Some(machine::now() + UNWRITTEN),
-                _ if self.busy || !self.comebacks.is_empty() => None,
-                _ => Some(self.next_beat),
+                Beginning::OnDisk if self.busy => None,
+                Beginning::OnDisk if self.vitals.is_recovered() => Some(self.next_beat),
+                Beginning::Unwritten => None,
+                _ => Some(machine::now() + UNRECOVERED),
             };
             let first = match next.map_or(Err(Silence::Time), |next| self.wait(next)) {
                 Ok(message) => Some(message),
@@ -151,19 +154,12 @@ impl Engine {
         self.fallen.clear();
         self.slots = Default::default();
         self.saving = false;
-        self.reviving = false;
-        for session in self.give_up_all_waking(&why) {
-            if let Some(stored) = self.new_life(session.key, 0) {
-                self.comebacks.insert(session.key, Revival::anew(session, stored));
-            }
-        }
-        for (key, simulation) in std::mem::take(&mut self.simulations).into_iter() {
-            // Where it was being brought back, that begins anew.
-            if self.comebacks.contains_key(&key) {
-                simulation.refuse_all(&why);
-            } else {
-                self.evict(simulation, &why);
-            }
+        // What was read for the old device is of no use on another.
+        let coming: Vec<Arc<Session>> =
+            self.coming.values().map(|coming| coming.session().clone()).collect();
+        coming.into_iter().for_each(|session| self.come_back(session, 0));
+        for (_, simulation) in std::mem::take(&mut self.simulations).into_iter() {
+            self.evict(simulation, &why);
         }
     }
 }

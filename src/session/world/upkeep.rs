@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use firn_engine::frame::{EngineError, cell_bytes};
+use firn_engine::frame::cell_bytes;
 use firn_engine::reserve::ask_for;
 use firn_protocol::Settings;
 use tracing::{debug, info, warn};
@@ -12,12 +12,12 @@ use crate::machine;
 use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
-use crate::session::journal::{Left, Part, Record, Stored};
+use crate::session::journal::{Left, Part, Record};
 use crate::session::simulation::Simulation;
 
+use super::back::Coming;
 use super::engine::Engine;
 use super::requests::gone;
-use super::revive::Revival;
 
 /// Sessions of which it is found out in one frame whether they are to be deleted.
 const MOST_ENDS: usize = 256;
@@ -31,16 +31,11 @@ const RETRY_CHECKPOINT: Duration = Duration::from_secs(60);
 impl Engine {
     /// Does what is due in this frame. Sessions of which nothing is due are not looked at: there may
     /// be thousands of them.
-    ///
-    /// # Errors
-    /// Those of the backend, where sessions that panicked are brought back.
-    pub(super) fn look_after_sessions(&mut self) -> Result<(), EngineError> {
+    pub(super) fn look_after_sessions(&mut self) {
         let fallen = std::mem::take(&mut self.fallen);
-        if !fallen.is_empty() {
-            self.go_back(&fallen)?;
-        }
+        self.go_back(&fallen);
         if self.looked_after == self.frame {
-            return Ok(());
+            return;
         }
         self.looked_after = self.frame;
         self.mark_some();
@@ -50,7 +45,6 @@ impl Engine {
             self.end(key, now);
         }
         self.journal.send();
-        Ok(())
     }
 
     /// Begins a checkpoint, where one is due: one at a time, and none while it could not be stored. It is
@@ -97,7 +91,7 @@ impl Engine {
             },
         };
         // Where it is being woken, this is looked at again when it is awake.
-        if self.is_leaving(key) || self.waking.contains_key(&key) {
+        if self.is_leaving(key) || self.coming.contains_key(&key) {
             return;
         }
         // Of a locked one an administrator decides.
@@ -117,7 +111,7 @@ impl Engine {
     fn save(&mut self, key: u64) {
         let (frame, interval) = (self.frame, self.checkpoint_interval);
         // Either is looked at again when that ends.
-        let elsewhere = self.is_leaving(key) || self.waking.contains_key(&key);
+        let elsewhere = self.is_leaving(key) || self.coming.contains_key(&key);
         let Some(simulation) = self.simulations.get_mut(&key) else { return };
         if simulation.step.is_some() || simulation.frozen || elsewhere {
             return;
@@ -155,33 +149,29 @@ impl Engine {
     }
 
     /// Has sessions go back to what is stored of them.
-    ///
-    /// # Errors
-    /// Those of the backend.
-    pub(super) fn go_back(&mut self, keys: &[u64]) -> Result<(), EngineError> {
+    pub(super) fn go_back(&mut self, keys: &[u64]) {
         let why = self.storage.refusal().unwrap_or_else(|| {
             SessionError::Unavailable("the session went back to what is stored".to_owned())
         });
-        for &key in keys {
-            let Some(simulation) = self.simulations.remove(&key) else {
-                self.begin_anew(key);
-                continue;
-            };
-            self.backend.release(simulation.slot);
-            self.slots.give_back(simulation.slot);
-            self.evict(simulation, &why);
+        for key in keys {
+            if let Some(simulation) = self.simulations.remove(key) {
+                self.backend.release(simulation.slot);
+                self.slots.give_back(simulation.slot);
+                self.evict(simulation, &why);
+            } else if let Some(session) = self.coming.get(key).map(Coming::session).cloned() {
+                self.come_back(session, 0);
+            }
         }
-        self.bring_back()
     }
 
-    /// Has a session that is not on the device any more come back. Who waits for it gets `why`.
+    /// Has a session that is not on the device any more come back. Who waits for a frame of it gets `why`.
     pub(super) fn evict(&mut self, mut simulation: Box<Simulation>, why: &SessionError) {
         let (session, until) = (simulation.session.clone(), simulation.until(self.frame));
         let key = session.key;
         if self.checkpointing == Some(key) {
             self.checkpointing = None;
         }
-        self.waking.remove(&key);
+        self.fallen.retain(|fallen| *fallen != key);
         if let Some(position) = simulation.log.unkept()
             && let Some(record) = self.records.get_mut(&key)
         {
@@ -189,24 +179,7 @@ impl Engine {
             record.receipts().refuse((position, position), why);
         }
         simulation.refuse_all(why);
-        match self.new_life(key, until) {
-            Some(stored) => {
-                self.comebacks.insert(key, Revival::anew(session, stored));
-            }
-            // It was still being made.
-            None => self.forget(key, &session),
-        }
-    }
-
-    /// What a session comes back from. It begins at a tick, or later where that is stored, and its time stands
-    /// still until then. What its earlier life still does is void.
-    pub(super) fn new_life(&mut self, key: u64, tick: u64) -> Option<Stored> {
-        let record = self.records.get_mut(&key)?;
-        record.life += 1;
-        let mut stored = record.present();
-        stored.mark.tick = stored.mark.tick.max(tick);
-        stored.mark.rest = None;
-        Some(stored)
+        self.come_back(session, until);
     }
 
     pub(super) fn checkpointed(&mut self, key: u64, life: u64, stored: bool) {
@@ -234,6 +207,27 @@ impl Engine {
             self.review(key);
         }
         self.schedule(key);
+    }
+
+    /// Wakes a session, if it hibernates, and has it come back, if it has panicked.
+    pub(super) fn wake(&mut self, key: u64) {
+        let frame = self.frame;
+        if let Some(simulation) = self.simulations.get_mut(&key)
+            && simulation.frozen
+        {
+            simulation.thaw(frame);
+            self.review(key);
+        }
+        if self.fallen.contains(&key) {
+            self.go_back(&[key]);
+        } else if let Some(session) = self.hibernating.remove(&key) {
+            self.count_hibernating();
+            self.come_back(session, 0);
+        }
+        // Whoever is asked for comes before all others.
+        if self.coming.contains_key(&key) {
+            self.queue.push_front(key);
+        }
     }
 
     /// Frees the memory of a session whose checkpoint is its state, unless somebody comes just then.
@@ -274,10 +268,10 @@ impl Engine {
             record.stored.done.iter().for_each(|done| self.answered.forget(&done.key));
             record.receipts().end(&gone());
         }
-        let waking = self.give_up_waking(key, &gone());
+        let coming = self.give_up_coming(key, &gone());
         if self.simulations.contains_key(&key) {
             self.remove(key, &gone());
-        } else if let Some(session) = self.hibernating.remove(&key).or(waking) {
+        } else if let Some(session) = self.hibernating.remove(&key).or(coming) {
             self.forget(key, &session);
         }
         self.count_hibernating();
