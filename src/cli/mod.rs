@@ -13,6 +13,7 @@ mod man;
 mod openapi;
 mod serve;
 mod signals;
+mod store;
 
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
@@ -60,6 +61,9 @@ enum Command {
     /// Prints the entry for the keys file of `serve`, and on standard error the key itself.
     #[command(after_help = key::EXAMPLES)]
     Key(key::Options),
+    /// Look into a data directory
+    #[command(after_help = store::EXAMPLES)]
+    Store(store::Options),
     /// Repeat the experiments of the thesis that the model comes from
     ///
     /// Prints the thesis's figures, those of an independent program and Firn's beside each other,
@@ -137,6 +141,7 @@ fn carry_out(command: Command, given: &ArgMatches) -> Result<(), Failure> {
         Command::Serve(options) if options.prints_config() => effective::run(given),
         Command::Serve(options) => serve::run(&options),
         Command::Key(options) => key::run(&options),
+        Command::Store(options) => store::run(&options),
         Command::Experiment(options) => experiment::run(&options),
         Command::Load(options) => load::run(&options),
         Command::Bench(options) => bench::run(&options),

@@ -64,19 +64,19 @@ pub async fn answer_once(
         return Ok(next.run(request).await);
     };
     // Another session may get the name later: its requests are others.
-    let epoch = match request.extensions().get::<Arc<Session>>() {
-        Some(session) => session.epoch.clone(),
+    let owner = match request.extensions().get::<Arc<Session>>() {
+        Some(session) => session.sid.to_string(),
         // What one tenant creates is nobody else's.
         None => {
             let caller = request.extensions().get::<Caller>();
             caller.and_then(Caller::tenant).unwrap_or_default().to_owned()
         }
     };
-    let key = hash(&[epoch.as_bytes(), path.as_str().as_bytes(), given.as_bytes()]);
+    let key = hash(&[owner.as_bytes(), path.as_str().as_bytes(), given.as_bytes()]);
     let token = bearer(request.headers()).unwrap_or_default();
     let (secret, creator) =
         (hash(&[given.as_bytes(), token.as_bytes()]), hash(&[token.as_bytes()]));
-    let share = if epoch.is_empty() { creator } else { hash(&[epoch.as_bytes()]) };
+    let share = if owner.is_empty() { creator } else { hash(&[owner.as_bytes()]) };
     let (mut request, content) = read(request, &app).await?;
     let place = app.repeats.lookup(key, content, share).map_err(refuse)?;
     // Before the last start, or by a request whose answer was not kept.

@@ -60,6 +60,8 @@ impl SessionState {
                 self.settings = new;
                 Disturbed { tiles: None, all: rate || stiffness }
             }
+            // It brings another state along.
+            Command::Reset => Disturbed::default(),
             Command::Objects { removed, put } => {
                 let removed = removed.iter().map(|id| self.remove(id, orders)).sum::<u64>();
                 let put = put.iter().map(|(id, object)| self.put(id, object, orders)).sum::<u64>();

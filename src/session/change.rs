@@ -89,3 +89,16 @@ pub enum Applied {
     /// To everything else.
     Stamp(Stamp),
 }
+
+impl Applied {
+    /// Of which state it is.
+    pub fn stamp(&self) -> Stamp {
+        match self {
+            Applied::Snowfall(reply) => reply.stamp,
+            Applied::Clearing(reply) => reply.stamp,
+            Applied::AirTemperature(reply) => reply.stamp,
+            Applied::Collider { reply, .. } => reply.stamp,
+            Applied::Stamp(stamp) => *stamp,
+        }
+    }
+}

@@ -1,13 +1,10 @@
 //! Changes, taken into the next frame.
 
-use tracing::warn;
-
 use super::answer::Answer;
 use super::apply::Disturbed;
 use super::change::{Applied, Change};
 use super::command::{Command, Decision};
 use super::error::SessionError;
-use super::journal::Event;
 use super::once::Once;
 use super::orders::Reply;
 use super::receipt::Receipted;
@@ -26,8 +23,8 @@ impl Simulation {
         let tick = self.state.clock.tick();
         match self.decide(&change, most_colliders) {
             Ok(Decision { command, told }) => {
-                self.log.record(tick, Event::Change(change));
                 self.carry_out(&command);
+                self.log.record(tick, command);
                 let edit = self.next.edits.len().saturating_sub(1);
                 self.next.replies.push(Reply::Change { told, edit, once, answer });
             }
@@ -42,18 +39,15 @@ impl Simulation {
         Ok(decision)
     }
 
-    /// Takes a change into the next frame that was taken before.
-    pub(super) fn repeat_change(&mut self, change: &Change) {
-        match self.state.decide(change, None) {
-            Ok(Decision { command, .. }) => {
-                let (less, more) = self.state.object_words(&command);
-                self.object_rows.take(self.object_rows.taken() - less + more);
-                self.carry_out(&command);
-            }
-            Err(error) => {
-                let session = &self.session.id;
-                warn!(session, "a change in the journal can't be repeated: {error}");
-            }
+    /// Takes a command into the next frame that was carried out before.
+    pub(super) fn repeat(&mut self, command: &Command) {
+        if *command == Command::Reset {
+            let origin = self.session.origin_snapshot();
+            self.begin_anew(origin.as_ref());
+        } else {
+            let (less, more) = self.state.object_words(command);
+            self.object_rows.take(self.object_rows.taken() - less + more);
+            self.carry_out(command);
         }
     }
 

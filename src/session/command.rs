@@ -5,12 +5,14 @@ use std::sync::Arc;
 
 use firn_protocol::Settings;
 use firn_snow::{ColumnRect, Grid, Position, Shape};
+use serde::{Deserialize, Serialize};
 
 use super::orders::Told;
 
 /// What is done with a snowpack. It needs nothing but the state before it.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Command {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Command {
     /// So much falls on each of some columns, in quanta.
     Deposit { columns: ColumnRect, depth: u64, mass: u64, celsius: f32 },
     /// Columns are cleared to a depth in quanta.
@@ -19,11 +21,13 @@ pub(super) enum Command {
     Settings { settings: Settings, stiffness_exponent: f64 },
     /// Objects are taken away, then put.
     Objects { removed: Vec<Arc<str>>, put: Vec<(Arc<str>, ObjectSpec)> },
+    /// Back to the state that the session was created in.
+    Reset,
 }
 
 /// An object, as it is put.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ObjectSpec {
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ObjectSpec {
     pub mass: f64,
     pub shape: Shape,
     pub position: Position,

@@ -10,13 +10,14 @@ use firn_protocol::{Event, SessionSpec, SessionView, Stamp, State};
 use firn_snow::CELL;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, mpsc, watch};
 use tokio_util::sync::CancellationToken;
+use ulid::Ulid;
 
 use crate::machine;
 
 use super::answer::WaitingRoom;
 use super::clock::Clock;
 use super::error::SessionError;
-use super::journal::{Identity, Weight};
+use super::journal::{Epochs, Identity, Weight};
 use super::memory::Companion;
 use super::message::Message;
 use super::mirror::Mirror;
@@ -40,8 +41,12 @@ pub struct Session {
     pub tenant: Option<Arc<Tenant>>,
     /// What it was created with.
     pub spec: SessionSpec,
-    /// Names this life of the session: with `seq` it names one state.
+    /// Names it in whatever outlives a server; fixed when it is created.
+    pub sid: Ulid,
+    /// Names what was published since the server was started: with `seq` it names one state.
     pub epoch: String,
+    /// That epoch, and those before it.
+    pub(super) epochs: Epochs,
     /// When it was created, RFC 3339.
     pub created_at: String,
     /// Hashes of its tokens; who may stay watches them.
@@ -60,8 +65,6 @@ pub struct Session {
     pub(super) hibernating: AtomicBool,
     /// It takes no changes: see `lock.rs`.
     pub(super) locked: AtomicBool,
-    /// Seqs, first and last, whose states were lost.
-    lost: RwLock<Arc<[(u64, u64)]>>,
     /// Lowest and highest elevation of the ground \[m\].
     pub(super) ground: (f64, f64),
     /// Requests under way and streams.
@@ -96,14 +99,15 @@ impl Session {
         let key = sessions.keys.fetch_add(1, Ordering::Relaxed);
         let identity = Identity {
             id,
-            epoch: machine::ulid().to_string(),
+            sid: machine::ulid(),
             created_at: humantime::format_rfc3339_millis(machine::date()).to_string(),
             owner: tenant.map(|tenant| tenant.name.clone()),
             weight: Weight::default(),
             tokens,
             spec,
         };
-        Session::identified(sessions, key, identity, origin)
+        let epochs = Epochs::first(machine::ulid(), 1);
+        Session::identified(sessions, key, identity, epochs, origin)
     }
 
     /// A session that is known already.
@@ -114,9 +118,10 @@ impl Session {
         sessions: &Sessions,
         key: u64,
         identity: Identity,
+        epochs: Epochs,
         origin: Option<Arc<[u8]>>,
     ) -> Result<Session, SessionError> {
-        let Identity { id, epoch, created_at, owner, weight, tokens, mut spec } = identity;
+        let Identity { sid, id, created_at, owner, weight, tokens, mut spec } = identity;
         // A list that was read has room to grow.
         spec.initial_snow.shrink_to_fit();
         let clock = Clock::new(spec.tick_rate, spec.time_scale);
@@ -129,7 +134,9 @@ impl Session {
         })?;
         Ok(Session {
             id,
-            epoch,
+            sid,
+            epoch: epochs.name(),
+            epochs,
             created_at,
             tenant: owner.map(|name| sessions.tenants().named(&name)),
             origin,
@@ -143,7 +150,6 @@ impl Session {
             gone: CancellationToken::new(),
             hibernating: AtomicBool::new(false),
             locked: AtomicBool::new(false),
-            lost: RwLock::new(Arc::new([])),
             ground: spec.ground_range(),
             visitors: AtomicU32::new(0),
             device_ns: AtomicU64::new(0),
@@ -181,7 +187,7 @@ impl Session {
     pub(super) fn identity(&self) -> Identity {
         Identity {
             id: self.id.clone(),
-            epoch: self.epoch.clone(),
+            sid: self.sid,
             created_at: self.created_at.clone(),
             owner: self.tenant.as_ref().map(|tenant| tenant.name.clone()),
             weight: self.journal_weight.clone(),
@@ -204,13 +210,9 @@ impl Session {
         self.tokens.send_replace(tokens);
     }
 
-    /// Seqs, first and last, whose states were lost: what has changed since can't be told.
-    pub fn lost_seqs(&self) -> Arc<[(u64, u64)]> {
-        self.lost.read().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    pub(super) fn set_lost_seqs(&self, lost: &[(u64, u64)]) {
-        *self.lost.write().unwrap_or_else(PoisonError::into_inner) = lost.into();
+    /// Whether all that has changed since a state is known.
+    pub fn recovers(&self, epoch: &str, seq: u64) -> bool {
+        self.epochs.recovers(epoch, seq, self.mirror().seq)
     }
 
     /// The snapshot that it was made from, where it was.

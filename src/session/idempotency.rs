@@ -29,7 +29,7 @@ const LONGEST_ANSWER: u64 = 64 * 1024;
 /// Times that a request may wait for its answer at once.
 const MOST_AT_ONCE: usize = 64;
 
-/// Names a request: a hash of the session's epoch, the call, and its client's key.
+/// Names a request: a hash of the session's `sid`, the call, and its client's key.
 pub type RequestKey = [u8; 32];
 
 /// Whose memory an answer takes: that of a session, or of who creates sessions.

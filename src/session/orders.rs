@@ -58,6 +58,8 @@ pub(super) struct Flight {
     pub advance: Advance,
     pub clock_before: Option<Clock>,
     pub publish: bool,
+    /// Round that it is published in.
+    pub round: u64,
 }
 
 /// An answer that is due when the frame is published.

@@ -7,17 +7,19 @@ use firn_engine::published::TileColumns;
 use firn_protocol::{
     AirTemperatureReply, ClearingReply, ColliderReply, ColliderView, Event, SnowfallReply, Stamp,
 };
-use firn_snow::{CELL, Contact, Grid};
+use firn_snow::{CELL, Contact, Grid, TILE_COLUMNS};
 
 use super::change::Applied;
 use super::gather::{Gathered, Sampled};
+use super::handle::Session;
 use super::journal::Taken;
 use super::mirror::Mirror;
 use super::once::Done;
 use super::orders::{Counted, Orders, Reply, Told};
 use super::receipt::Receipted;
 use super::simulation::Simulation;
-use super::state::Collider;
+use super::snapshot::Snapshot;
+use super::state::{Collider, SessionState};
 
 impl Simulation {
     /// Takes in the outcome of the frame in flight; `tiles` are those of it that changed.
@@ -78,12 +80,12 @@ impl Simulation {
         let mut tiles = tiles.peekable();
         let session = self.session.clone();
         self.take_contacts(&outcome.contacts);
-        let colliders = self.collider_views();
+        let colliders = collider_views(&self.state, self.session.ground.0);
         let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
         let colliders_changed = *mirror.colliders != *colliders;
         let asked = orders.replies.iter().any(|reply| matches!(reply, Reply::Change { .. }));
         let changed = tiles.peek().is_some() || colliders_changed || orders.changed || asked;
-        let seq = mirror.seq + u64::from(changed);
+        let seq = if changed { self.log.seq_in(self.flight.round) } else { mirror.seq };
         let brought_back = std::mem::take(&mut self.brought_back);
         for (tile, heights) in tiles {
             // All tiles of a session that was brought back are told: most are as they were.
@@ -117,7 +119,7 @@ impl Simulation {
         let session = self.session.clone();
         let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
         tiles.for_each(|(tile, heights)| mirror.recall(tile, heights));
-        mirror.colliders = self.collider_views();
+        mirror.colliders = collider_views(&self.state, self.session.ground.0);
         mirror.colliders_version = mirror.seq;
         mirror.active_tiles = outcome.active_tiles;
         self.write_clock(&mut mirror);
@@ -142,12 +144,6 @@ impl Simulation {
                 collider.contact = Contact { resting, ..*contact };
             }
         }
-    }
-
-    fn collider_views(&self) -> Arc<[ColliderView]> {
-        let (ground, _) = self.session.ground;
-        let grid = &self.session.spec.grid;
-        self.state.colliders.iter().map(|(id, collider)| view(id, collider, grid, ground)).collect()
     }
 
     /// Answers everybody who waited for this frame.
@@ -247,6 +243,33 @@ impl Simulation {
         // Fails where nobody listens.
         let _ = self.session.events.send(event);
     }
+}
+
+impl Session {
+    /// Makes the mirror what it was when something was saved, where no device does that.
+    pub(super) fn show_saved(&self, saved: &Snapshot) {
+        let state = saved.description.state();
+        let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        for (tile, cells) in (0..).zip(saved.tiles.iter()) {
+            let height = |column| cells.column(column).map(|cell| cell.thickness).sum();
+            let columns: Vec<u32> = (0..TILE_COLUMNS).map(height).collect();
+            if let Ok(heights) = columns.try_into() {
+                mirror.recall(tile, &heights);
+            }
+        }
+        mirror.colliders = collider_views(&state, self.ground.0);
+        mirror.colliders_version = mirror.seq;
+        mirror.clock = state.clock;
+        mirror.settled = saved.description.settled && state.settings.snowfall_rate == 0.0;
+        mirror.mass_quanta = state.ledger.present();
+        mirror.settings = state.settings;
+        mirror.material = state.material;
+    }
+}
+
+fn collider_views(state: &SessionState, lowest_ground: f64) -> Arc<[ColliderView]> {
+    let views = state.colliders.iter();
+    views.map(|(id, collider)| view(id, collider, &state.grid, lowest_ground)).collect()
 }
 
 fn view(id: &str, collider: &Collider, grid: &Grid, lowest_ground: f64) -> ColliderView {

@@ -25,8 +25,8 @@ const REMEMBERED: usize = 16;
 struct Durable {
     /// All up to here is, but for what was refused.
     position: u64,
-    /// First and last positions that were refused, and why.
-    refused: VecDeque<(u64, u64, SessionError)>,
+    /// First and last positions that are taken back, and why, once that may be told.
+    refused: VecDeque<(u64, u64, Option<SessionError>)>,
     /// The last position of what was refused and is not remembered.
     forgotten: u64,
     /// Why nothing more comes.
@@ -36,9 +36,9 @@ struct Durable {
 impl Durable {
     /// What is known of a position.
     fn verdict(&self, position: u64) -> Option<Result<(), SessionError>> {
-        let holds = |range: &&(u64, u64, SessionError)| (range.0..=range.1).contains(&position);
+        let holds = |range: &&(u64, u64, _)| (range.0..=range.1).contains(&position);
         if let Some((.., why)) = self.refused.iter().find(holds) {
-            return Some(Err(why.clone()));
+            return why.clone().or_else(|| self.ended.clone()).map(Err);
         }
         if position <= self.forgotten {
             let why = "nobody knows any more whether the change was stored: read the session first";
@@ -65,14 +65,27 @@ impl Receipts {
         });
     }
 
-    /// Some positions, first and last, never will be.
-    pub fn refuse(&self, (first, last): (u64, u64), why: &SessionError) {
+    /// Some positions, first and last, never will be. Who waits for them is told later why.
+    pub fn take_back(&self, (first, last): (u64, u64)) {
         self.0.send_modify(|durable| {
-            durable.refused.push_back((first, last, why.clone()));
+            durable.refused.push_back((first, last, None));
             if durable.refused.len() > REMEMBERED
                 && let Some((_, last, _)) = durable.refused.pop_front()
             {
                 durable.forgotten = durable.forgotten.max(last);
+            }
+        });
+    }
+
+    /// Tells why some positions never will be durable.
+    pub fn refuse(&self, range: (u64, u64), why: &SessionError) {
+        if !self.0.borrow().refused.iter().any(|known| (known.0, known.1) == range) {
+            self.take_back(range);
+        }
+        self.0.send_modify(|durable| {
+            let mut known = durable.refused.iter_mut();
+            if let Some(known) = known.find(|known| (known.0, known.1) == range) {
+                known.2 = Some(why.clone());
             }
         });
     }
@@ -119,10 +132,13 @@ mod tests {
         let receipts = Receipts::default();
         assert_eq!(told(&receipts, 1), None);
         receipts.confirm(2);
+        receipts.take_back((3, 5));
+        receipts.confirm(6);
+        assert_eq!(told(&receipts, 4), None, "it is not told yet");
         receipts.refuse((3, 5), &why("full"));
         receipts.confirm(1);
         for (position, verdict) in
-            [(1, Some(Ok(()))), (2, Some(Ok(()))), (4, Some(Err("full".to_owned()))), (6, None)]
+            [(1, Some(Ok(()))), (2, Some(Ok(()))), (4, Some(Err("full".to_owned()))), (7, None)]
         {
             assert_eq!(told(&receipts, position), verdict, "{position}");
         }

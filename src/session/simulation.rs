@@ -11,7 +11,7 @@ use super::charge::Charge;
 use super::command::Command;
 use super::error::SessionError;
 use super::handle::Session;
-use super::journal::{Event, Log, Replay};
+use super::journal::{Log, Replay};
 use super::object_rows::ObjectRows;
 use super::orders::{Flight, Orders, Reply};
 use super::portion::Portions;
@@ -136,7 +136,7 @@ impl Simulation {
 
     /// Back to the state it was created in. Seqs go on.
     pub(super) fn reset(&mut self, saved: Option<&Snapshot>, answer: Answer<Receipted<()>>) {
-        self.log.record(self.state.clock.tick(), Event::Reset);
+        self.log.record(self.state.clock.tick(), Command::Reset);
         self.begin_anew(saved);
         self.next.replies.push(Reply::Done(answer));
     }

@@ -18,6 +18,7 @@ use super::error::{Invalid, SessionError};
 use super::reach::Reach;
 use super::simulation::Simulation;
 use super::spec::Limits;
+use super::state::SessionState;
 
 /// Media type of a snapshot.
 pub const MEDIA_TYPE: &str = "application/vnd.firn.snapshot";
@@ -130,35 +131,7 @@ impl Snapshot {
         limits: &Limits,
         admit: impl FnOnce(&SessionSpec) -> Result<T, SessionError>,
     ) -> Result<(Snapshot, T), SessionError> {
-        let (head, compressed) =
-            bytes.split_at_checked(HEAD).ok_or_else(|| refused("it is cut short"))?;
-        if head[..8] != *MAGIC {
-            return Err(refused("it does not begin as a snapshot does"));
-        }
-        let version = u32::from_le_bytes([head[8], head[9], head[10], head[11]]);
-        if version != VERSION || head[12..16] != [0; 4] {
-            return Err(refused(&format!(
-                "it has version {version} of the format; this server reads version {VERSION}"
-            )));
-        }
-        let mut reader = Body::open(compressed)?;
-        let length = u64::from_le_bytes(reader.array()?);
-        if length > LONGEST_DESCRIPTION {
-            return Err(refused("its description is too long"));
-        }
-        let description = reader.bytes(length)?;
-        // Each number of a list has a comma: none of them is made that no limit allows.
-        let numbers = description.iter().filter(|&&byte| byte == b',').count() as u64;
-        if numbers > limits.columns_per_session.saturating_add(MOST_OTHERS) {
-            return Err(refused(
-                "its description has more numbers than a session may have columns",
-            ));
-        }
-        ask_for(numbers * BYTES_PER_NUMBER).map_err(|error| {
-            SessionError::NoMemory(format!("there is no memory for the description: {error}"))
-        })?;
-        let description: Description = serde_json::from_slice(&description)
-            .map_err(|error| refused(&format!("its description can't be read: {error}")))?;
+        let (head, mut reader, description) = describe(bytes, limits)?;
         description.check(limits)?;
         let admitted = admit(&description.spec)?;
         let tiles = reader.tiles(&description.spec)?;
@@ -166,6 +139,16 @@ impl Snapshot {
         description.check_mass(&tiles)?;
         let stamp = Stamp { tick: description.clock.tick(), seq: 0 };
         Ok((Snapshot { stamp, description, tiles: Arc::new(tiles) }, admitted))
+    }
+
+    /// The host's half of what some bytes hold; its cells are not read.
+    ///
+    /// # Errors
+    /// As [`Snapshot::decode`].
+    pub(super) fn state(bytes: &[u8]) -> Result<SessionState, SessionError> {
+        let (_, _, description) = describe(bytes, &Limits::NONE)?;
+        description.check(&Limits::NONE)?;
+        Ok(description.state())
     }
 
     /// What it was created with.
@@ -188,6 +171,41 @@ impl Snapshot {
         });
         Contents { tiles: self.tiles.clone(), colliders: colliders.collect() }
     }
+}
+
+/// Reads what stands before the cells: the head, and the description.
+fn describe<'b>(
+    bytes: &'b [u8],
+    limits: &Limits,
+) -> Result<(&'b [u8], Body<'b>, Description), SessionError> {
+    let (head, compressed) =
+        bytes.split_at_checked(HEAD).ok_or_else(|| refused("it is cut short"))?;
+    if head[..8] != *MAGIC {
+        return Err(refused("it does not begin as a snapshot does"));
+    }
+    let version = u32::from_le_bytes([head[8], head[9], head[10], head[11]]);
+    if version != VERSION || head[12..16] != [0; 4] {
+        return Err(refused(&format!(
+            "it has version {version} of the format; this server reads version {VERSION}"
+        )));
+    }
+    let mut reader = Body::open(compressed)?;
+    let length = u64::from_le_bytes(reader.array()?);
+    if length > LONGEST_DESCRIPTION {
+        return Err(refused("its description is too long"));
+    }
+    let description = reader.bytes(length)?;
+    // Each number of a list has a comma: none of them is made that no limit allows.
+    let numbers = description.iter().filter(|&&byte| byte == b',').count() as u64;
+    if numbers > limits.columns_per_session.saturating_add(MOST_OTHERS) {
+        return Err(refused("its description has more numbers than a session may have columns"));
+    }
+    ask_for(numbers * BYTES_PER_NUMBER).map_err(|error| {
+        SessionError::NoMemory(format!("there is no memory for the description: {error}"))
+    })?;
+    let description: Description = serde_json::from_slice(&description)
+        .map_err(|error| refused(&format!("its description can't be read: {error}")))?;
+    Ok((head, reader, description))
 }
 
 impl Simulation {

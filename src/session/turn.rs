@@ -23,6 +23,8 @@ const CYCLES_THAT_ARE_DUE: u32 = 8;
 pub(super) struct Turn<'a> {
     /// Number of the beat.
     pub frame: u64,
+    /// Number of the frame of the device.
+    pub round: u64,
     /// Whether publications are due that nobody asked for.
     pub publish: bool,
     /// Whether a snowpack at rest may be left alone.
@@ -35,7 +37,7 @@ impl Simulation {
     /// Lets the time up to a frame pass, where nothing happens in it: a pause has no ticks, and in
     /// the ticks of a session at rest nothing moves.
     pub(super) fn catch_up(&mut self, frame: u64) {
-        if self.portions.are_under_way() {
+        if self.portions.are_under_way() || self.replay.is_some() {
             return;
         }
         if self.state.settings.paused || self.frozen {
@@ -48,6 +50,7 @@ impl Simulation {
 
     /// What this session does in a frame; `None` for nothing.
     pub(super) fn plan(&mut self, turn: Turn) -> Option<Work> {
+        self.flight.round = turn.round;
         if self.portions.are_under_way() {
             debug_assert!(self.next.edits.is_empty(), "changes wait for the end of the run");
             self.slip(turn.frame, turn.slipped_us);
@@ -92,7 +95,8 @@ impl Simulation {
             gather: self.gather(&orders),
             ..Work::default()
         };
-        self.flight = Flight { orders, advance, clock_before: Some(clock_before), publish };
+        let (round, clock_before) = (turn.round, Some(clock_before));
+        self.flight = Flight { orders, advance, clock_before, publish, round };
         Some(self.portions.begin(work, self.units_of_cycle(), &self.session.spec.grid))
     }
 

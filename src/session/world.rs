@@ -5,6 +5,7 @@
 //! do, waits for its outcome, publishes and answers. Ticks fall on a beat of 60 frames a second;
 //! frames between beats carry out requests at once.
 
+mod anchors;
 mod back;
 mod backoff;
 mod begin;
@@ -15,7 +16,7 @@ mod finish;
 mod frame;
 mod mail;
 mod manual;
-mod marks;
+mod reading;
 mod requests;
 mod simulations;
 mod slots;
@@ -23,7 +24,7 @@ mod storage;
 mod supervise;
 mod upkeep;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
@@ -31,30 +32,28 @@ use std::time::{Duration, Instant};
 
 use firn_engine::frame::{Backend, EngineError};
 use tokio::sync::mpsc;
-use tracing::{info, warn};
+use tracing::warn;
 
 use crate::machine;
-use crate::store::{Damage, Loaded};
+use crate::store::{Damage, Format, Loaded};
 
-use super::handle::Session;
-use super::journal::{self, Assembled, Journal, Record, SEQ_RESERVE, Stored, Workers};
+use super::journal::{self, Assembled, Journal, Stored, Workers};
 use super::message::Message;
 use super::names::Names;
-use super::once::{Answered, Done};
+use super::once::Answered;
 use super::pace::Pace;
 use super::registry::{DECODED_AT_ONCE, Sessions};
 use super::spec::Limits;
 use super::vitals::Vitals;
-use back::Coming;
 use backoff::Backoff;
-use begin::Beginning;
+use begin::{Beginning, ages, bring_back, fingerprint};
 use deadlines::Deadlines;
 use engine::Engine;
 use simulations::Simulations;
 use slots::Slots;
 use storage::Storage;
 
-pub(super) use back::Read;
+pub(super) use reading::Read;
 
 pub use manual::{ManualJournal, ManualWorld};
 
@@ -135,10 +134,21 @@ impl World {
         mut durability: Durability,
     ) -> Result<(Sessions, Engine, Workers), StartError> {
         let backend = open()?;
-        let Loaded { rows, next_key, clock: store_clock, damage } = durability.store.load()?;
-        let Assembled { sessions: stored, broken, frame } = journal::assemble(rows);
+        let loaded = durability.store.load()?;
+        let Loaded { rows, next_key, clock: store_clock, format, damage } = loaded;
+        let (rows, mut broken) = match format {
+            Format::First => journal::migrate(rows),
+            Format::Present => (rows, Vec::new()),
+        };
+        // Whatever is in the file is not to be written into.
+        let replacement = (format == Format::First || damage.is_some()).then(|| rows.clone());
+        let Assembled { sessions: stored, broken: parted, heartbeat } = journal::assemble(rows);
+        broken.extend(parted);
+        let frame = heartbeat.frame;
         let lost = tell_of_damage(damage.as_ref(), &broken, &stored, durability.accept_loss)?;
-        durability.store.take_over()?;
+        if let Some(rows) = replacement {
+            durability.store.take_over(&rows)?;
+        }
         let (send, inbox) = mpsc::channel(INBOX);
         let names = Arc::new(Names::default());
         let frames = Arc::new(AtomicU64::new(frame));
@@ -159,12 +169,10 @@ impl World {
             backend.maker(),
         );
         sessions.keys.store(next_key, Ordering::Relaxed);
-        let mut jump = [0; 8];
-        machine::fill(&mut jump).map_err(std::io::Error::other)?;
-        let jump = u64::from_le_bytes(jump) % SEQ_RESERVE;
-        let (records, coming) = come_back(&sessions, stored, frame, jump);
+        let adapter = fingerprint(backend.device());
+        let (records, coming) = bring_back(&sessions, stored, heartbeat, adapter);
         // The runtime waits for a request or for the next beat, whatever comes first, and decodes what is
-        // stored of sessions that are woken.
+        // stored of sessions that come back.
         let clock = tokio::runtime::Builder::new_current_thread()
             .enable_time()
             .max_blocking_threads(DECODED_AT_ONCE)
@@ -186,6 +194,8 @@ impl World {
             vitals,
             frames,
             frame,
+            round: heartbeat.round,
+            adapter,
             looked_after: frame,
             next_beat: machine::now(),
             pace: Pace::default(),
@@ -196,6 +206,7 @@ impl World {
             hibernating: HashMap::new(),
             mail: BTreeMap::new(),
             queue: coming.keys().copied().collect(),
+            asked: VecDeque::new(),
             coming,
             began: machine::now(),
             records,
@@ -250,67 +261,4 @@ fn tell_of_damage(
     }
     warn!("the store: {what}; its newest changes may be missing");
     Ok(broken.len() + missing.len())
-}
-
-/// Sessions that outlived the last stop, as they were in the last `frame`, with mirrors that go on
-/// where they were, but for their seqs: `jump` keeps those apart from the seqs of another server
-/// that began with the same file.
-fn come_back(
-    sessions: &Sessions,
-    stored: BTreeMap<u64, Stored>,
-    frame: u64,
-    jump: u64,
-) -> (BTreeMap<u64, Record>, BTreeMap<u64, Coming>) {
-    if !stored.is_empty() {
-        info!("bringing back {} sessions", stored.len());
-    }
-    let mut coming = BTreeMap::new();
-    let mut records = BTreeMap::new();
-    for (key, mut stored) in stored {
-        let checkpoint = stored.checkpoint.clone();
-        let published = stored.mark.seq.max(checkpoint.as_ref().map_or(1, |saved| saved.seq));
-        let seq = published + SEQ_RESERVE + jump;
-        stored.mark.lose(published + 1, seq);
-        stored.mark.seq = seq;
-        stored.mark.stop_at(frame);
-        let identity = (*stored.identity).clone();
-        let origin = stored.origin.clone();
-        let session = match Session::identified(sessions, key, identity, origin) {
-            Ok(session) => session,
-            Err(why) => {
-                warn!(
-                    "session '{}' stays stored and is not brought back: {why}",
-                    stored.identity.id
-                );
-                sessions.vitals().store.lost(1);
-                continue;
-            }
-        };
-        let first = stored.pause();
-        if stored.lock.is_some() {
-            session.set_locked(true);
-            warn!(
-                "session '{}' may have been deleted, as the store was damaged or a deletion was cut off: \
-                 it is paused and locked until an administrator unlocks or deletes it",
-                session.id
-            );
-            sessions.vitals().store.note_revived();
-        }
-        session.go_on_from(seq, checkpoint.as_ref().map(|saved| &saved.versions[..]));
-        session.set_lost_seqs(&stored.mark.lost);
-        stored.weigh();
-        records.insert(key, Record::of(stored.clone(), session.receipts.clone()));
-        coming.insert(key, Coming::at_start(Arc::new(session), stored, first));
-    }
-    (records, coming)
-}
-
-/// Requests that carried a key, of all sessions, the oldest first.
-fn ages(records: &BTreeMap<u64, Record>) -> Vec<(u64, Arc<Done>)> {
-    let done = |(&key, record): (&u64, &Record)| {
-        record.stored.done.iter().map(|done| (key, done.clone())).collect::<Vec<_>>()
-    };
-    let mut ages: Vec<(u64, Arc<Done>)> = records.iter().flat_map(done).collect();
-    ages.sort_by_key(|(_, done)| (done.at_ms, done.key));
-    ages
 }

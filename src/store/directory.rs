@@ -32,6 +32,13 @@ impl Directory {
         self.0.join(FILE)
     }
 
+    /// A data directory that is there.
+    pub fn existing(path: &Path) -> io::Result<Directory> {
+        let directory = Directory(path.to_owned());
+        fs::metadata(directory.file())?;
+        Ok(directory)
+    }
+
     /// The file that is to take its place.
     pub fn new_file(&self) -> PathBuf {
         self.0.join(NEW_FILE)
@@ -51,12 +58,12 @@ impl Directory {
         self.sync()
     }
 
-    /// Keeps the store's file under another name too, which nothing has had. Returns where.
-    pub fn keep_aside(&self) -> io::Result<PathBuf> {
+    /// Keeps the store's file under another name too, which nothing has had and says `why`. Returns where.
+    pub fn keep_aside(&self, why: &str) -> io::Result<PathBuf> {
         let since = machine::date().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
         let names = (0u32..).map(|number| match number {
-            0 => format!("{FILE}.damaged-{since}"),
-            number => format!("{FILE}.damaged-{since}-{number}"),
+            0 => format!("{FILE}.{why}-{since}"),
+            number => format!("{FILE}.{why}-{since}-{number}"),
         });
         for aside in names.map(|name| self.0.join(name)) {
             match link_or_copy(&self.file(), &aside) {
@@ -159,7 +166,7 @@ mod tests {
             .map(|i| {
                 fs::write(directory.new_file(), format!("{i}")).unwrap();
                 directory.replace().unwrap();
-                directory.keep_aside().unwrap()
+                directory.keep_aside("damaged").unwrap()
             })
             .collect();
         for (i, path) in kept.iter().enumerate() {

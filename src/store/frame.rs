@@ -2,7 +2,7 @@
 //!
 //! | bytes | what |
 //! |---|---|
-//! | 8 | `FIRNROW1` |
+//! | 8 | `FIRNROW2`; `FIRNROW1` in the first format |
 //! | 17 | the row's name: session, kind, number, big-endian |
 //! | 8 | number of the batch, little-endian |
 //! | 4 | length of the content, little-endian |
@@ -12,7 +12,10 @@
 use super::{Content, Kind, Row};
 
 /// What every framed row begins with.
-pub const MAGIC: &[u8; 8] = b"FIRNROW1";
+pub const MAGIC: &[u8; 8] = b"FIRNROW2";
+
+/// The same in the first format.
+pub const FIRST_MAGIC: &[u8; 8] = b"FIRNROW1";
 
 /// Bytes of a row's name.
 pub const NAME: usize = 17;
@@ -49,6 +52,10 @@ impl Row {
             Kind::Lock,
             Kind::Clock,
             Kind::Secret,
+            Kind::Anchor,
+            Kind::Epochs,
+            Kind::Head,
+            Kind::Format,
         ];
         Some(Row {
             session: u64::from_be_bytes(*session),
@@ -60,8 +67,13 @@ impl Row {
 
 /// A row as it is written.
 pub fn seal(row: &Row, batch: u64, content: &[u8]) -> Vec<u8> {
+    seal_as(MAGIC, row, batch, content)
+}
+
+/// A row as it is written in a format.
+pub fn seal_as(magic: &[u8; 8], row: &Row, batch: u64, content: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(HEAD + content.len());
-    bytes.extend(MAGIC);
+    bytes.extend(magic);
     bytes.extend(row.name());
     bytes.extend(batch.to_le_bytes());
     // Contents are far below 4 GiB: a longer one would not be found whole again.
@@ -72,11 +84,11 @@ pub fn seal(row: &Row, batch: u64, content: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Reads the row that some bytes begin with, where it is whole and sound.
-pub fn open(bytes: &[u8]) -> Option<(Row, Content)> {
+/// Reads the row that some bytes begin with, where it is whole and sound; `magic` tells its format.
+pub fn open(magic: &[u8], bytes: &[u8]) -> Option<(Row, Content)> {
     let (head, rest) = bytes.split_at_checked(HEAD)?;
     let (checked, sum) = head.split_at(CHECKED);
-    if !checked.starts_with(MAGIC) {
+    if !checked.starts_with(magic) {
         return None;
     }
     let row = Row::named(&checked[8..8 + NAME])?;
@@ -106,7 +118,7 @@ mod tests {
         for content in [&b""[..], b"snow", &[0xff; 5000]] {
             let mut bytes = seal(&ROW, 9, content);
             bytes.extend(b"whatever follows");
-            let (row, opened) = open(&bytes).unwrap();
+            let (row, opened) = open(MAGIC, &bytes).unwrap();
             assert_eq!((row, opened.batch, &opened.bytes[..]), (ROW, 9, content));
         }
     }
@@ -117,10 +129,10 @@ mod tests {
         for bit in 0..bytes.len() * 8 {
             let mut flipped = bytes.clone();
             flipped[bit / 8] ^= 1 << (bit % 8);
-            assert_eq!(open(&flipped), None, "bit {bit}");
+            assert_eq!(open(MAGIC, &flipped), None, "bit {bit}");
         }
         for length in 0..bytes.len() {
-            assert_eq!(open(&bytes[..length]), None, "{length} bytes");
+            assert_eq!(open(MAGIC, &bytes[..length]), None, "{length} bytes");
         }
     }
 

@@ -6,6 +6,7 @@ mod directory;
 mod frame;
 mod open;
 mod redb;
+mod refusal;
 mod roster;
 mod salvage;
 mod secret;
@@ -28,7 +29,7 @@ pub enum Kind {
     Checkpoint = 3,
     /// Changes of a session in one frame.
     Entry = 4,
-    /// How far a session has come.
+    /// How far a session had come, of the first format.
     Mark = 5,
     /// The answer to a request that may be repeated.
     Answer = 6,
@@ -45,6 +46,41 @@ pub enum Kind {
     /// What tells the store's own tombstones from bytes that a client sent. The store keeps it for
     /// itself.
     Secret = 12,
+    /// How far a session has come, and how it goes on.
+    Anchor = 13,
+    /// What a session was published in.
+    Epochs = 14,
+    /// How many entries a session has.
+    Head = 15,
+    /// The format of all rows. The store keeps it for itself.
+    Format = 16,
+}
+
+/// What rows mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Format {
+    /// That of Firn 0.1.
+    First,
+    /// That of this program.
+    #[default]
+    Present,
+}
+
+impl Format {
+    /// Its number, as it stands on disk.
+    pub const fn number(self) -> u32 {
+        match self {
+            Format::First => 1,
+            Format::Present => 2,
+        }
+    }
+
+    fn magic(self) -> &'static [u8; 8] {
+        match self {
+            Format::First => frame::FIRST_MAGIC,
+            Format::Present => frame::MAGIC,
+        }
+    }
 }
 
 /// Name of a row. Rows of a session lie together.
@@ -95,6 +131,8 @@ pub struct Loaded {
     pub next_key: u64,
     /// The store's own clock, which goes on.
     pub clock: StoreClock,
+    /// What the rows mean.
+    pub format: Format,
     /// What was found to be damaged, if anything was.
     pub damage: Option<Damage>,
 }
@@ -127,13 +165,14 @@ pub trait Store: Send + fmt::Debug {
     /// Where it can't be read. Damage is no error: what is sound is returned.
     fn load(&mut self) -> Result<Loaded, StoreError>;
 
-    /// Puts what was found in a damaged file in its place, and keeps the file beside it. Until then
-    /// nothing is changed.
+    /// Puts rows in the place of a file that is damaged or of another format, and keeps the file beside it.
+    /// Until then nothing is changed.
     ///
     /// # Errors
-    /// Where that can't be done; the damaged file is where it was then, or beside it.
-    fn take_over(&mut self) -> Result<(), StoreError> {
-        Ok(())
+    /// Where that can't be done; the file is where it was then, or beside it.
+    fn take_over(&mut self, rows: &BTreeMap<Row, Content>) -> Result<(), StoreError> {
+        let _ = rows;
+        Err(StoreError::Failed("there is no file that could be replaced".to_owned()))
     }
 
     /// Whether what it has written can still be found by the next start.

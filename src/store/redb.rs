@@ -17,12 +17,20 @@ use super::directory::{Directory, Place};
 use super::frame::{self, NAME};
 use super::open::{Failure, attempt, builder};
 use super::roster::{NOBODY, Population, is_kept_twice};
-use super::{Content, Damage, Kind, Loaded, Row, Store, StoreError, Write, salvage};
+use super::{
+    Content, Damage, Format, Kind, Loaded, Row, Store, StoreError, Write, refusal, salvage,
+};
 
-const ROWS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("rows");
+const ROWS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("rows2");
 
 /// A second copy of rows that are kept twice, on other pages.
-const MARKS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("marks");
+const HEADS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("heads2");
+
+/// Rows of the first format.
+const FIRST_ROWS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("rows");
+
+/// The row of the format.
+const FORMAT: Row = Row { session: NOBODY, kind: Kind::Format, number: 0 };
 
 /// The row of the store's clock.
 const CLOCK: Row = Row { session: NOBODY, kind: Kind::Clock, number: 0 };
@@ -46,15 +54,19 @@ pub struct RedbStore {
     batch: u64,
     population: Population,
     clock: StoreClock,
-    /// What was found in a damaged file, until it takes the file's place.
+    /// Whether the format is written.
+    stamped: bool,
+    /// Whether what was read was damaged.
+    damaged: bool,
+    directory: Option<Directory>,
+    /// What was found in a damaged file, until it is loaded.
     found: Option<Found>,
 }
 
-/// What was found in a damaged file. It lies in a new file already.
+/// What was found in a damaged file.
 struct Found {
-    directory: Directory,
-    /// None are left here once they are loaded.
     rows: Rows,
+    format: Format,
     damage: Damage,
 }
 
@@ -81,20 +93,41 @@ impl RedbStore {
             }
             directory.replace().map_err(unusable_io)?;
         }
+        RedbStore::of(directory).map_err(|error| unusable(error.to_string()))
+    }
+
+    /// Opens the store of a data directory that is there, to look into it.
+    ///
+    /// # Errors
+    /// Where there is none, it can't be read or a server uses it.
+    pub fn existing(directory: &Path) -> Result<RedbStore, StoreError> {
+        let place = directory.display();
+        let unusable = |error: &dyn fmt::Display| failed(format!("no store in {place}: {error}"));
+        let directory = Directory::existing(directory).map_err(|error| unusable(&error))?;
+        RedbStore::of(directory).map_err(|error| unusable(&error))
+    }
+
+    fn of(directory: Directory) -> io::Result<RedbStore> {
+        let path = directory.file();
         let file = path.clone();
         let open: Open = Box::new(move |check| builder(check).open(&file));
         let damage = match attempt(|| open(true)) {
             Ok(database) => {
-                directory.sync().map_err(unusable_io)?;
-                let place = Some(Place::of(path).map_err(unusable_io)?);
-                return Ok(RedbStore { place, ..RedbStore::holding(open, Some(database)) });
+                directory.sync()?;
+                let place = Some(Place::of(path)?);
+                let store = RedbStore::holding(open, Some(database));
+                return Ok(RedbStore { place, directory: Some(directory), ..store });
             }
             Err(Failure::Damage(why)) => why,
-            Err(Failure::Other(why)) => return Err(unusable(why)),
+            Err(Failure::Other(why)) => return Err(io::Error::other(why)),
         };
         warn!("{} is damaged ({damage}); looking for what is sound", path.display());
-        RedbStore::salvaged(open, directory, &damage)
-            .map_err(|error| failed(format!("the damaged store {}: {error}", path.display())))
+        let (rows, missing, format) = salvage::salvage(&fs::read(&path)?);
+        info!("{} sound rows found in {}", rows.len(), path.display());
+        let what = format!("{} was damaged: {damage}", path.display());
+        let found = Some(Found { rows, format, damage: Damage { what, missing } });
+        let directory = Some(directory);
+        Ok(RedbStore { found, directory, ..RedbStore::holding(open, None) })
     }
 
     /// A store in a database of some making, for tests of what happens when storage fails.
@@ -108,19 +141,18 @@ impl RedbStore {
 
     fn holding(open: Open, database: Option<Database>) -> RedbStore {
         let (population, clock) = (Population::default(), StoreClock::default());
-        RedbStore { open, database, place: None, batch: 1, population, clock, found: None }
-    }
-
-    /// Makes a new file of what is sound in a damaged one, beside it.
-    fn salvaged(open: Open, directory: Directory, damage: &str) -> io::Result<RedbStore> {
-        let (rows, missing) = salvage::salvage(&fs::read(directory.file())?);
-        info!("{} sound rows found in {}", rows.len(), directory.file().display());
-        directory.remove_new_file()?;
-        let database = builder(false).create(directory.new_file()).map_err(io::Error::other)?;
-        put_all(&database, &rows).map_err(io::Error::other)?;
-        let what = format!("{} was damaged: {damage}", directory.file().display());
-        let found = Found { directory, rows, damage: Damage { what, missing } };
-        Ok(RedbStore { found: Some(found), ..RedbStore::holding(open, None) })
+        RedbStore {
+            open,
+            database,
+            place: None,
+            batch: 1,
+            population,
+            clock,
+            stamped: false,
+            damaged: false,
+            directory: None,
+            found: None,
+        }
     }
 
     fn write(&mut self, writes: &[Write]) -> Result<(), redb::Error> {
@@ -132,33 +164,45 @@ impl RedbStore {
         let clock = Write::Put(CLOCK, self.clock.encode());
         let transaction = begin(database)?;
         {
+            if !self.stamped {
+                stamp(&transaction, self.batch)?;
+            }
             let mut rows = transaction.open_table(ROWS)?;
-            let mut marks = transaction.open_table(MARKS)?;
+            let mut heads = transaction.open_table(HEADS)?;
             for write in writes.iter().chain(&more).chain([&clock]) {
                 carry_out(write, self.batch, &mut rows)?;
                 if is_written_twice(write) {
-                    carry_out(write, self.batch, &mut marks)?;
+                    carry_out(write, self.batch, &mut heads)?;
                 }
             }
         }
         transaction.commit()?;
+        self.stamped = true;
         self.population.enter(&turn);
         Ok(())
     }
 
-    fn read(&self) -> Result<(Rows, Option<Damage>), redb::Error> {
+    fn read(&self) -> Result<(Rows, Format, Option<Damage>), redb::Error> {
         let (mut sound, mut damage) = (Rows::new(), None);
-        let Some(database) = &self.database else { return Ok((sound, None)) };
+        let Some(database) = &self.database else { return Ok((sound, Format::Present, None)) };
         let transaction = database.begin_read()?;
-        let rows = match transaction.open_table(ROWS) {
-            Ok(rows) => rows,
-            // Nothing has been written yet.
-            Err(redb::TableError::TableDoesNotExist(_)) => return Ok((sound, None)),
+        let (rows, format) = match transaction.open_table(ROWS) {
+            Ok(rows) => (rows, Format::Present),
+            Err(redb::TableError::TableDoesNotExist(_)) => {
+                match transaction.open_table(FIRST_ROWS) {
+                    Ok(rows) => (rows, Format::First),
+                    // Nothing has been written yet.
+                    Err(redb::TableError::TableDoesNotExist(_)) => {
+                        return Ok((sound, Format::Present, None));
+                    }
+                    Err(error) => return Err(error.into()),
+                }
+            }
             Err(error) => return Err(error.into()),
         };
         for row in rows.iter()? {
             let (name, sealed) = row?;
-            match frame::open(sealed.value()) {
+            match frame::open(format.magic(), sealed.value()) {
                 Some((row, content)) => drop(sound.insert(row, content)),
                 None => {
                     let what = format!("a row can't be read: {:?}", Row::named(name.value()));
@@ -166,18 +210,40 @@ impl RedbStore {
                 }
             }
         }
-        Ok((sound, damage))
+        Ok((sound, format, damage))
+    }
+
+    /// Makes a new file of some rows, beside the present one, and puts it in its place.
+    fn replace(&mut self, directory: &Directory, rows: &Rows, why: &str) -> io::Result<()> {
+        directory.remove_new_file()?;
+        let database = builder(false).create(directory.new_file()).map_err(io::Error::other)?;
+        let own = self.population.rows().into_iter().chain([(CLOCK, self.clock.encode())]);
+        let content = |bytes| Content { batch: self.batch, bytes };
+        let own: Rows = own.map(|(row, bytes)| (row, content(bytes))).collect();
+        put_all(&database, rows.iter().chain(&own), self.batch).map_err(io::Error::other)?;
+        // The file is locked by whoever has it open.
+        drop((database, self.database.take()));
+        let kept = directory.keep_aside(why)?;
+        warn!("the file that was there is kept as {}", kept.display());
+        directory.replace()?;
+        self.place = Some(Place::of(directory.file())?);
+        Ok(())
     }
 }
 
 impl Store for RedbStore {
     fn load(&mut self) -> Result<Loaded, StoreError> {
-        let (mut rows, damage) = match &mut self.found {
-            Some(found) => (std::mem::take(&mut found.rows), Some(found.damage.clone())),
+        let (mut rows, format, damage) = match self.found.take() {
+            Some(Found { rows, format, damage }) => (rows, format, Some(damage)),
             None => self.read().map_err(failed)?,
         };
+        self.damaged = damage.is_some();
+        if let Some(format) = rows.remove(&FORMAT) {
+            check_format(&format)?;
+            self.stamped = true;
+        }
         if let Some(place) = &self.place {
-            salvage::lock_doubtful(&mut rows, place.path());
+            salvage::lock_doubtful(&mut rows, format, place.path());
         }
         // A row that was planted in a damaged file may have any number.
         let newest = rows.values().map(|content| content.batch).max();
@@ -186,18 +252,18 @@ impl Store for RedbStore {
         let clock = rows.remove(&CLOCK);
         self.clock = StoreClock::decode(clock.as_ref().map(|content| &content.bytes[..]));
         let (next_key, clock) = (self.population.next_key(), self.clock.clone());
-        Ok(Loaded { rows, next_key, clock, damage })
+        Ok(Loaded { rows, next_key, clock, format, damage })
     }
 
-    fn take_over(&mut self) -> Result<(), StoreError> {
-        let Some(Found { directory, .. }) = self.found.take() else { return Ok(()) };
-        let path = directory.file();
-        let unusable = |error| failed(format!("the damaged store {}: {error}", path.display()));
-        let kept = directory.keep_aside().map_err(unusable)?;
-        warn!("the damaged file is kept as {}", kept.display());
-        directory.replace().map_err(unusable)?;
-        self.place = Some(Place::of(path.clone()).map_err(unusable)?);
+    fn take_over(&mut self, rows: &Rows) -> Result<(), StoreError> {
+        let Some(directory) = self.directory.clone() else {
+            return Err(failed("a store that is no file can't be replaced"));
+        };
+        let why = if self.damaged { "damaged" } else { "format-1" };
+        let unusable = |error| failed(format!("{}: {error}", directory.file().display()));
+        self.replace(&directory, rows, why).map_err(unusable)?;
         self.database = Some((self.open)(false).map_err(failed)?);
+        self.stamped = true;
         Ok(())
     }
 
@@ -240,12 +306,41 @@ fn begin(database: &Database) -> Result<WriteTransaction, redb::Error> {
     Ok(transaction)
 }
 
+/// Says what the rows mean, and keeps programs away that would not understand them.
+fn stamp(transaction: &WriteTransaction, batch: u64) -> Result<(), redb::Error> {
+    let number = Format::Present.number().to_le_bytes();
+    transaction.open_table(refusal::ROWS)?;
+    let mut rows = transaction.open_table(ROWS)?;
+    rows.insert(&FORMAT.name()[..], &frame::seal(&FORMAT, batch, &number)[..])?;
+    Ok(())
+}
+
+/// Whether this program understands a format.
+fn check_format(content: &Content) -> Result<(), StoreError> {
+    let number = content.bytes.as_slice().try_into().map(u32::from_le_bytes);
+    let known = Format::Present.number();
+    match number {
+        Ok(number) if number <= known => Ok(()),
+        _ => Err(failed(format!(
+            "the store has format {number}, and this is Firn {}, which knows formats up to {known}: a newer \
+             version has written it, and only such a one reads it",
+            env!("CARGO_PKG_VERSION"),
+            number = number.unwrap_or(u32::MAX),
+        ))),
+    }
+}
+
 /// Writes rows into an empty database, as they were.
-fn put_all(database: &Database, rows: &Rows) -> Result<(), redb::Error> {
+fn put_all<'r>(
+    database: &Database,
+    rows: impl Iterator<Item = (&'r Row, &'r Content)>,
+    batch: u64,
+) -> Result<(), redb::Error> {
     let transaction = begin(database)?;
+    stamp(&transaction, batch)?;
     {
         let mut table = transaction.open_table(ROWS)?;
-        let mut twice = transaction.open_table(MARKS)?;
+        let mut twice = transaction.open_table(HEADS)?;
         for (row, Content { batch, bytes }) in rows {
             let sealed = frame::seal(row, *batch, bytes);
             table.insert(&row.name()[..], &sealed[..])?;

@@ -97,6 +97,13 @@ impl Population {
         Ok(population)
     }
 
+    /// What tells of it in a file in which nothing of the dead lies about.
+    pub fn rows(&mut self) -> [(Row, Vec<u8>); 2] {
+        self.tombstones.clear();
+        self.listed = true;
+        [(ROSTER, self.roster.encode()), (secret::ROW, self.secret.to_vec())]
+    }
+
     /// The lowest key that no session has had.
     pub fn next_key(&self) -> u64 {
         self.roster.next
@@ -168,14 +175,24 @@ fn tombstone(session: u64) -> Row {
 /// Whether a row is kept twice, on different pages: in place of one that is damaged, an older one may
 /// be found, or none, and nothing would tell that something is missing.
 pub(super) fn is_kept_twice(kind: Kind) -> bool {
-    matches!(kind, Kind::Mark | Kind::Tombstone | Kind::Roster | Kind::Secret)
+    matches!(
+        kind,
+        Kind::Anchor
+            | Kind::Epochs
+            | Kind::Head
+            | Kind::Heartbeat
+            | Kind::Tombstone
+            | Kind::Roster
+            | Kind::Secret
+    )
 }
 
 /// Takes the sessions out of what was found in a damaged file that were deleted. Returns those that
 /// should be there and of which nothing was found.
 ///
 /// A tombstone or a roster may be of a batch that was never made: then its sessions have newer rows,
-/// because each start, and each failure that is over, writes some of every session.
+/// because each start writes some of every session, and after a failure those of a batch that was not made
+/// are written anew.
 pub(super) fn bury(rows: &mut BTreeMap<Row, Content>) -> Vec<u64> {
     let mut newest: BTreeMap<u64, u64> = BTreeMap::new();
     let mut graves: BTreeMap<u64, u64> = BTreeMap::new();

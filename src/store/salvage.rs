@@ -7,28 +7,34 @@ use std::path::Path;
 
 use tracing::warn;
 
-use super::frame::{self, HEAD, MAGIC};
+use super::frame::{self, FIRST_MAGIC, HEAD, MAGIC};
 use super::secret::{LENGTH, Secret};
-use super::{Content, Kind, Row, roster, secret};
+use super::{Content, Format, Kind, Row, roster, secret};
 
-/// What a damaged file holds of sessions that live, and the keys of those of which it holds nothing.
+/// What a damaged file holds of sessions that live, the keys of those of which it holds nothing, and its
+/// format.
 ///
 /// Each session has a lock: whether it really lives nobody knows, as its tombstone may be what was
 /// damaged.
-pub fn salvage(bytes: &[u8]) -> (BTreeMap<Row, Content>, Vec<u64>) {
-    let mut rows = scan(bytes);
+pub fn salvage(bytes: &[u8]) -> (BTreeMap<Row, Content>, Vec<u64>, Format) {
+    let holds_sessions =
+        |rows: &BTreeMap<Row, Content>| rows.keys().any(|row| row.kind == Kind::Identity);
+    let [present, first] = scan(bytes);
+    let is_first = !holds_sessions(&present) && holds_sessions(&first);
+    let (mut rows, format) =
+        if is_first { (first, Format::First) } else { (present, Format::Present) };
     let missing = roster::bury(&mut rows);
     let identities = rows.iter().filter(|(row, _)| row.kind == Kind::Identity);
     let locks: Vec<_> = identities.map(|(row, found)| lock(row.session, found.batch)).collect();
     rows.extend(locks);
-    (rows, missing)
+    (rows, missing, format)
 }
 
 /// Locks the sessions of a sound file of which nobody can say whether they were deleted last.
-pub fn lock_doubtful(rows: &mut BTreeMap<Row, Content>, file: &Path) {
+pub fn lock_doubtful(rows: &mut BTreeMap<Row, Content>, format: Format, file: &Path) {
     // An earlier version has written no tombstones.
     let Some(secret) = secret::of(rows) else { return };
-    match File::open(file).and_then(|file| tombstones(file, &secret)) {
+    match File::open(file).and_then(|file| tombstones(format.magic(), file, &secret)) {
         Ok(graves) => {
             let doubtful = doubtful(rows, &graves);
             rows.extend(doubtful.into_iter().map(|session| lock(session, 0)));
@@ -42,7 +48,7 @@ pub fn lock_doubtful(rows: &mut BTreeMap<Row, Content>, file: &Path) {
 fn doubtful(rows: &BTreeMap<Row, Content>, graves: &BTreeMap<u64, u64>) -> Vec<u64> {
     let is_newer = |(session, grave): (&u64, &u64)| {
         let row = |kind, number| Row { session: *session, kind, number };
-        let rows = rows.range(row(Kind::Identity, 0)..=row(Kind::Clock, u64::MAX));
+        let rows = rows.range(row(Kind::Identity, 0)..=row(Kind::Format, u64::MAX));
         let newest = rows.map(|(_, content)| content.batch).max()?;
         (newest < *grave).then_some(*session)
     };
@@ -62,7 +68,11 @@ const PART: u64 = 1 << 20;
 ///
 /// # Errors
 /// Those of reading.
-fn tombstones(mut file: impl Read, secret: &Secret) -> io::Result<BTreeMap<u64, u64>> {
+fn tombstones(
+    magic: &[u8],
+    mut file: impl Read,
+    secret: &Secret,
+) -> io::Result<BTreeMap<u64, u64>> {
     let mut graves = BTreeMap::new();
     let mut bytes = Vec::new();
     loop {
@@ -72,11 +82,11 @@ fn tombstones(mut file: impl Read, secret: &Secret) -> io::Result<BTreeMap<u64, 
             return Ok(graves);
         }
         let mut at = 0;
-        while let Some(next) = find(&bytes[at..]) {
+        while let Some(next) = find(magic, &bytes[at..]) {
             at += next;
-            let kind = bytes.get(at + MAGIC.len() + 8);
+            let kind = bytes.get(at + magic.len() + 8);
             if kind == Some(&(Kind::Tombstone as u8))
-                && let Some((row, content)) = frame::open(&bytes[at..])
+                && let Some((row, content)) = frame::open(magic, &bytes[at..])
                 && content.bytes == secret
             {
                 let batch = graves.entry(row.session).or_default();
@@ -87,15 +97,19 @@ fn tombstones(mut file: impl Read, secret: &Secret) -> io::Result<BTreeMap<u64, 
     }
 }
 
-/// All sound rows in some bytes, of each the one that was written last.
+/// All sound rows in some bytes, of each the one that was written last: those of the present format, and of
+/// the first.
 ///
 /// Rows that were removed may be among them: their bytes lie about until they are written over.
-fn scan(bytes: &[u8]) -> BTreeMap<Row, Content> {
-    let mut rows: BTreeMap<Row, Content> = BTreeMap::new();
+fn scan(bytes: &[u8]) -> [BTreeMap<Row, Content>; 2] {
+    let mut found: [BTreeMap<Row, Content>; 2] = Default::default();
     let mut at = 0;
-    while let Some(next) = find(&bytes[at..]) {
+    while let Some(next) = find(COMMON_MAGIC, &bytes[at..]) {
         at += next;
-        let Some((row, content)) = frame::open(&bytes[at..]) else {
+        let sound = [MAGIC, FIRST_MAGIC].map(|magic| frame::open(magic, &bytes[at..]));
+        let Some((rows, (row, content))) =
+            found.iter_mut().zip(sound).find_map(|(rows, sound)| Some((rows, sound?)))
+        else {
             at += 1;
             continue;
         };
@@ -105,15 +119,18 @@ fn scan(bytes: &[u8]) -> BTreeMap<Row, Content> {
             rows.insert(row, content);
         }
     }
-    rows
+    found
 }
 
+/// What rows of all formats begin with.
+const COMMON_MAGIC: &[u8] = b"FIRNROW";
+
 /// Where the next frame may begin.
-fn find(bytes: &[u8]) -> Option<usize> {
+fn find(magic: &[u8], bytes: &[u8]) -> Option<usize> {
     let mut from = 0;
     loop {
-        from += bytes[from..].iter().position(|&byte| byte == MAGIC[0])?;
-        if bytes[from..].starts_with(MAGIC) {
+        from += bytes[from..].iter().position(|&byte| byte == magic[0])?;
+        if bytes[from..].starts_with(magic) {
             return Some(from);
         }
         from += 1;
@@ -142,14 +159,14 @@ mod tests {
         // Clients may send such, and don't know the secret.
         bytes.extend(sealed(2, 13, b""));
         bytes.extend(sealed(3, 13, &[8; LENGTH]));
-        let found = tombstones(&bytes[..], &secret).unwrap();
+        let found = tombstones(MAGIC, &bytes[..], &secret).unwrap();
         assert_eq!(found, BTreeMap::from([(0, 9), (1, 12), (2, 9), (3, 9)]));
     }
 
     #[test]
     fn sound_rows_are_found_among_rubbish_and_the_newest_wins() {
         let row = |number| Row { session: 1, kind: Kind::Entry, number };
-        let mut bytes = b"FIRNRO FIRNROW1 rubbish".to_vec();
+        let mut bytes = b"FIRNRO FIRNROW2 rubbish".to_vec();
         bytes.extend(frame::seal(&row(1), 5, b"new"));
         bytes.extend(frame::seal(&row(1), 4, b"old"));
         let mut damaged = frame::seal(&row(2), 6, b"damaged");
@@ -157,19 +174,31 @@ mod tests {
         bytes.extend(damaged);
         bytes.extend(frame::seal(&row(3), 6, b"whole"));
         bytes.extend(&frame::seal(&row(4), 6, b"cut short")[..58]);
-        let found: Vec<(u64, Vec<u8>)> =
-            scan(&bytes).into_iter().map(|(row, content)| (row.number, content.bytes)).collect();
+        let found: Vec<(u64, Vec<u8>)> = scan(&bytes)[0]
+            .clone()
+            .into_iter()
+            .map(|(row, content)| (row.number, content.bytes))
+            .collect();
         assert_eq!(found, [(1, b"new".to_vec()), (3, b"whole".to_vec())]);
     }
 
     #[test]
-    fn a_row_inside_a_sound_row_is_not_found() {
+    fn a_row_inside_a_sound_row_is_not_found_whatever_the_formats() {
         let row = |session, kind| Row { session, kind, number: 0 };
-        let planted = frame::seal(&row(1, Kind::Tombstone), u64::MAX, b"");
-        let sent = [b"a snapshot with ", &planted[..], b" in it"].concat();
-        let mut bytes = frame::seal(&row(2, Kind::Origin), 5, &sent);
-        bytes.extend(frame::seal(&row(1, Kind::Identity), 5, b"the next one"));
-        let found: Vec<Row> = scan(&bytes).into_keys().collect();
-        assert_eq!(found, [row(1, Kind::Identity), row(2, Kind::Origin)]);
+        let first = |sealed: Vec<u8>| {
+            let (row, content) = frame::open(MAGIC, &sealed).unwrap();
+            frame::seal_as(FIRST_MAGIC, &row, content.batch, &content.bytes)
+        };
+        let planted = frame::seal(&row(1, Kind::Identity), u64::MAX, b"");
+        for planted in [planted.clone(), first(planted)] {
+            let sent = [b"a snapshot with ", &planted[..], b" in it"].concat();
+            let origin = frame::seal(&row(2, Kind::Origin), 5, &sent);
+            let identity = frame::seal(&row(1, Kind::Identity), 5, b"the next one");
+            let rows = [row(1, Kind::Identity), row(2, Kind::Origin)];
+            let found = scan(&[&origin[..], &identity].concat()).map(BTreeMap::into_keys);
+            assert_eq!(found.map(Vec::from_iter), [rows.to_vec(), Vec::new()]);
+            let found = scan(&[first(origin), first(identity)].concat()).map(BTreeMap::into_keys);
+            assert_eq!(found.map(Vec::from_iter), [Vec::new(), rows.to_vec()]);
+        }
     }
 }

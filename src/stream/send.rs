@@ -181,9 +181,7 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
         }
         let source = Source {
             grid: self.session.spec.grid,
-            epoch: &self.session.epoch,
-            seq: self.session.mirror().seq,
-            lost: &self.session.lost_seqs(),
+            recovers: &|resume| self.session.recovers(&resume.epoch, resume.seq),
             protocol: self.manner.protocol,
             encoded: &self.encoded,
         };

@@ -82,28 +82,16 @@ enum First {
 }
 
 /// Where a subscription begins.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Source<'a> {
     /// The session's grid.
     pub grid: Grid,
-    /// The session's epoch.
-    pub epoch: &'a str,
-    /// Its newest published seq.
-    pub seq: u64,
-    /// Seqs, first and last, whose states were lost.
-    pub lost: &'a [(u64, u64)],
+    /// Whether all that has changed since a state is known.
+    pub recovers: &'a dyn Fn(&Resume) -> bool,
     /// How the client wants heights to be written.
     pub protocol: SubProtocol,
     /// The session's encoded tiles.
     pub encoded: &'a EncodedTiles,
-}
-
-impl Source<'_> {
-    /// Whether what has changed since a state is known: the state was published, and not lost.
-    fn recovers(&self, resume: &Resume) -> bool {
-        let lost = self.lost.iter().any(|&(first, last)| (first..=last).contains(&resume.seq));
-        resume.epoch == self.epoch && (1..=self.seq).contains(&resume.seq) && !lost
-    }
 }
 
 /// What was copied out of a mirror for one message.
@@ -130,7 +118,7 @@ impl Subscription {
         source: Source,
         now: Instant,
     ) -> Result<Self, SessionError> {
-        let Source { grid, protocol, encoded, .. } = source;
+        let Source { grid, recovers, protocol, encoded } = source;
         let mut wrong = Vec::new();
         if ![1, 2, 4, 8].contains(&wish.stride) {
             wrong.push(Invalid::new("/stride", format!("{} is not 1, 2, 4 or 8", wish.stride)));
@@ -146,7 +134,7 @@ impl Subscription {
         };
         let (first, seen) = match &wish.resume {
             None => (First::Snapshot, 0),
-            Some(resume) if source.recovers(resume) => (First::Recovered, resume.seq),
+            Some(resume) if recovers(resume) => (First::Recovered, resume.seq),
             Some(_) => (First::Lost, 0),
         };
         Ok(Subscription {

@@ -117,7 +117,7 @@ async fn what_is_lost_is_named_and_what_is_damaged_is_kept() {
     let path = data.path().join(FILE);
     let mut bytes = fs::read(&path).unwrap();
     // The newest checkpoint of a session: a row's frame, its name, the zstd frame within.
-    let name = |i: u64| [b"FIRNROW1", &i.to_be_bytes()[..], &[3]].concat();
+    let name = |i: u64| [b"FIRNROW2", &i.to_be_bytes()[..], &[3]].concat();
     let wanted = name(4);
     let found: Vec<usize> =
         (0..bytes.len() - 32).filter(|&at| bytes[at..].starts_with(&wanted)).collect();

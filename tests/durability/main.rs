@@ -10,6 +10,7 @@ mod device;
 mod disk;
 mod drain;
 mod faults;
+mod format;
 mod frames;
 mod giving_up;
 mod gone;

@@ -3,15 +3,21 @@
 use std::time::Duration;
 
 use firn::config::BackendChoice;
+use firn::session::Fault;
 use serde_json::{Value, json};
 
 use crate::client::Client;
 use crate::disk::Disk;
 use crate::on_each_backend;
 use crate::script::session;
+use crate::support::wait::until;
 use crate::support::{Options, Server};
 
-on_each_backend!(seqs_go_on_above_what_was_published, a_clean_stop_is_not_noticed_by_who_resumes,);
+on_each_backend!(
+    seqs_go_on_above_what_was_published,
+    a_clean_stop_is_not_noticed_by_who_resumes,
+    who_resumes_is_told_what_has_changed_whatever_happened,
+);
 
 async fn start(backend: BackendChoice, disk: &Disk, interval: Duration) -> Server {
     Server::start_stored(backend, Options::default(), disk.durability(interval)).await
@@ -103,6 +109,74 @@ async fn a_clean_stop_is_not_noticed_by_who_resumes(backend: BackendChoice) {
     let told = resume(&server, &path, &session["epoch"], seq + 1000).await;
     assert_eq!(told["recovered"], false);
     server.stop().await;
+}
+
+/// What happens between two streams.
+#[derive(Clone, Copy, Debug)]
+enum Break {
+    Crash,
+    CleanStop,
+    Hibernation,
+    LostDevice,
+}
+
+/// The same for both kinds of messages: a state that was told before is known after it, and no tile is told
+/// that has not changed since.
+async fn who_resumes_is_told_what_has_changed_whatever_happened(backend: BackendChoice) {
+    for kind in [Break::Crash, Break::CleanStop, Break::Hibernation, Break::LostDevice] {
+        let disk = Disk::default();
+        let interval = Duration::from_secs(3600);
+        let mut server = start(backend, &disk, interval).await;
+        let path = server.create(session("a")).await;
+        server.post(&format!("{path}/snowfalls"), fall(0.0)).await.expect(200);
+        let view = server.get(&path).await.expect(200);
+        let (epoch, seq) = (view["epoch"].clone(), view["seq"].as_u64().unwrap());
+        let falls = format!("{path}/snowfalls");
+        let later = server.post(&falls, fall(1.7)).await.expect(200)["seq"].as_u64().unwrap();
+        match kind {
+            Break::Crash => {
+                // It goes on, and what it does is lost.
+                let twin = start(backend, &disk.cut(1), interval).await;
+                server.stop().await;
+                server = twin;
+            }
+            Break::CleanStop => {
+                server.stop().await;
+                server = start(backend, &disk, interval).await;
+            }
+            Break::Hibernation => {
+                server.patch(&path, json!({"idle_timeout_s": 1})).await.expect(200);
+                let asleep = async || server.sessions.vitals().hibernating() == 1;
+                until("it hibernates", asleep).await;
+            }
+            Break::LostDevice => {
+                server.sessions.sabotage(Fault::LoseDevice).await;
+                server.get_once_back(&format!("{path}/mass")).await;
+            }
+        }
+        let now = server.get(&path).await.expect(200);
+        let same = now["epoch"] == epoch;
+        assert_eq!(same, matches!(kind, Break::Hibernation | Break::LostDevice), "{kind:?}");
+        for protocol in ["firn.v1.json", "firn.v1.bin"] {
+            for (seq, tiles) in [(seq, &[8][..]), (later, &[])] {
+                let mut stream = Client::open_as(&server, &path, protocol).await;
+                let resume = json!({"epoch": epoch, "seq": seq});
+                stream.send(json!({"op": "subscribe", "id": 1, "resume": resume})).await;
+                let told = stream.told(1).await;
+                assert_eq!(told["recovered"], true, "{kind:?}, {protocol}: {told}");
+                let there = places(&told);
+                // After a crash what is gone through again is told again.
+                let same = matches!(kind, Break::Crash) || there == tiles;
+                assert!(same && tiles.iter().all(|x| there.contains(x)), "{kind:?}: {told}");
+            }
+            let mut stream = Client::open_as(&server, &path, protocol).await;
+            let resume = json!({"epoch": epoch, "seq": later + 1_000_000});
+            stream.send(json!({"op": "subscribe", "id": 1, "resume": resume})).await;
+            let told = stream.told(1).await;
+            assert_eq!((&told["recovered"], &told["op"]), (&json!(false), &json!("snapshot")));
+        }
+        server.stop().await;
+    }
 }
 
 /// A server that goes on, and a backup of it that is put back, have different pasts from then on.

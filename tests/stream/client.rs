@@ -86,7 +86,8 @@ pub fn request_with(server: &Server, session: &str, headers: &[(&str, &str)]) ->
     request
 }
 
-fn request_to(server: &str, session: &str, offered: &str) -> Request<()> {
+/// What opens a stream of a server that is named by its address.
+pub fn request_to(server: &str, session: &str, offered: &str) -> Request<()> {
     let url = format!("{}{session}/stream", server.replace("http://", "ws://"));
     let mut request = url.into_client_request().unwrap();
     if !offered.is_empty() {

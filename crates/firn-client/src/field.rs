@@ -15,6 +15,7 @@ pub struct OtherGrid;
 pub struct HeightField {
     id: i64,
     grid: Grid,
+    /// That of the stream.
     epoch: String,
     /// Columns from one sample to the next.
     stride: u32,
@@ -26,8 +27,8 @@ pub struct HeightField {
     size: (u32, u32),
     /// Not a number where nothing has been told yet.
     heights: Vec<f64>,
-    /// State up to which everything has been told.
-    seq: Option<u64>,
+    /// State up to which everything has been told, and the epoch in which that was.
+    seen: Option<Resume>,
     tick: u64,
 }
 
@@ -55,13 +56,14 @@ impl HeightField {
             extent: (width, depth),
             size,
             heights: vec![f64::NAN; size.0 as usize * size.1 as usize],
-            seq: None,
+            seen: None,
             tick: 0,
         }
     }
 
-    /// Continues with a subscription to the same region on another stream. In the same epoch the heights stay;
-    /// in another one they are forgotten, and the server sends all of them again.
+    /// Continues with a subscription to the same region on another stream. The heights stay: the server says
+    /// what has changed since [`HeightField::resume`], or, where nobody knows that any more, sends all of them
+    /// again.
     ///
     /// # Errors
     /// [`OtherGrid`] where the session was replaced by one with another grid.
@@ -69,11 +71,7 @@ impl HeightField {
         if welcome.grid != self.grid {
             return Err(OtherGrid);
         }
-        if welcome.epoch != self.epoch {
-            self.epoch.clone_from(&welcome.epoch);
-            self.heights.fill(f64::NAN);
-            self.seq = None;
-        }
+        self.epoch.clone_from(&welcome.epoch);
         self.id = id;
         Ok(())
     }
@@ -85,13 +83,14 @@ impl HeightField {
             return false;
         }
         if told.snapshot {
-            self.seq = None;
+            self.seen = None;
         }
         for tile in &told.tiles {
             self.put(tile);
         }
         if !told.more {
-            (self.seq, self.tick) = (Some(told.seq), told.tick);
+            self.seen = Some(Resume { epoch: self.epoch.clone(), seq: told.seq });
+            self.tick = told.tick;
         }
         !told.more
     }
@@ -131,7 +130,7 @@ impl HeightField {
 
     /// The state from which a later subscription can resume; `None` before the first complete one.
     pub fn resume(&self) -> Option<Resume> {
-        self.seq.map(|seq| Resume { epoch: self.epoch.clone(), seq })
+        self.seen.clone()
     }
 
     fn put(&mut self, tile: &HeightTile) {
@@ -227,14 +226,18 @@ mod tests {
     }
 
     #[test]
-    fn another_stream_goes_on_with_it_in_the_same_epoch() {
+    fn another_stream_goes_on_with_it() {
         let mut field = field(&Subscribe::default());
         assert!(field.take(&told(5, false, vec![tile(0, 0, 8, 8, 1.5)])));
         assert_eq!(field.reconnect(&welcome("e"), 2), Ok(()));
         assert!(field.resume().is_some() && field.height(0, 0) == Some(1.5));
         assert!(!field.take(&told(6, false, Vec::new())), "of the old subscription");
         assert_eq!(field.reconnect(&welcome("f"), 3), Ok(()));
-        assert_eq!((field.resume(), field.height(0, 0)), (None, None));
+        let seen = field.resume().unwrap();
+        assert_eq!((&*seen.epoch, seen.seq), ("e", 5), "the server has been started since");
+        let told = Heights { id: 3, ..told(70, false, vec![tile(0, 0, 8, 8, 2.5)]) };
+        assert!(field.take(&told) && field.height(0, 0) == Some(2.5));
+        assert_eq!(field.resume().unwrap().epoch, "f");
         let mut other = welcome("f");
         other.grid.width += 1;
         assert_eq!(field.reconnect(&other, 4), Err(OtherGrid));

@@ -65,12 +65,14 @@ pub struct Model {
     /// As it was found; `None` where there was none.
     found: Option<State>,
     asked: Vec<(Operation, Fate)>,
+    /// Newest tick that was told with a change.
+    tick: u64,
 }
 
 impl Model {
     /// A session that is not there yet.
     pub fn new(spec: SessionSpec) -> Model {
-        Model { spec, found: None, asked: Vec::new() }
+        Model { spec, found: None, asked: Vec::new(), tick: 0 }
     }
 
     /// Notes that something was asked. Returns its place.
@@ -84,16 +86,25 @@ impl Model {
         self.asked[place].1 = fate;
     }
 
+    /// Notes at which tick a change was told to be.
+    pub fn learn_tick(&mut self, tick: u64) {
+        // A reset begins anew, and who knows when it was.
+        let reset = |(operation, _): &(Operation, Fate)| *operation == Operation::Reset;
+        if !self.asked.iter().any(reset) {
+            self.tick = self.tick.max(tick);
+        }
+    }
+
     /// How many requests are in doubt.
     pub fn doubts(&self) -> usize {
         self.asked.iter().filter(|(_, fate)| *fate == Fate::Unknown).count()
     }
 
-    /// Takes in how it was found.
+    /// Takes in how it was found, and at which tick.
     ///
     /// # Errors
     /// Where it can't be so after what was told.
-    pub fn find(&mut self, found: Option<State>) -> Result<(), String> {
+    pub fn find(&mut self, found: Option<State>, tick: u64) -> Result<(), String> {
         let mut possible = BTreeSet::from([self.found.clone()]);
         for (operation, fate) in &self.asked {
             possible = match fate {
@@ -115,6 +126,15 @@ impl Model {
                 parts(&found),
                 parts(before)
             ));
+        }
+        let begins = |(operation, _): &(Operation, Fate)| {
+            matches!(operation, Operation::Reset | Operation::Create | Operation::Delete)
+        };
+        if self.asked.iter().any(begins) {
+            self.tick = 0;
+        }
+        if tick < self.tick {
+            return Err(format!("it is at tick {tick}, and {} was told with a change", self.tick));
         }
         self.found = found;
         self.asked.clear();

@@ -222,6 +222,9 @@ impl Simulation {
         self.report.requests.1 += u64::from(fate == Fate::Done);
         // An earlier answer may have been lost that said something else.
         let fate = if request.doubtful && fate == Fate::Refused { Fate::Unknown } else { fate };
+        if let Ok(Some(applied)) = &answer {
+            model.learn_tick(applied.stamp().tick);
+        }
         model.learn(asked, fate);
         if let (Ok(told), true, true) = (answer, request.once.is_some(), self.dice.random_bool(0.3))
         {

@@ -85,9 +85,7 @@ impl Viewer {
         let encoded = visit.companion::<EncodedTiles>();
         let source = Source {
             grid,
-            epoch: &visit.epoch,
-            seq: visit.mirror().seq,
-            lost: &visit.lost_seqs(),
+            recovers: &|resume| visit.recovers(&resume.epoch, resume.seq),
             protocol: self.protocol,
             encoded: &encoded,
         };

@@ -46,6 +46,7 @@ impl Default for Grid {
 
 /// Columns `[x0, x1) × [z0, z1)` of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ColumnRect {
     /// First column along x.
     pub x0: u32,

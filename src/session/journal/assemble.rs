@@ -8,17 +8,18 @@ use serde::de::DeserializeOwned;
 use crate::session::once::Done;
 use crate::store::{Content, Kind, Row};
 
-use super::record::{HEARTBEAT, Stored};
+use super::record::Stored;
+use super::rows::HEARTBEAT;
 use super::weight::bytes_of;
-use super::{Checkpoint, Entry, Heartbeat, Identity, Lock, Mark};
+use super::{Anchor, Checkpoint, Entry, Epochs, Head, Heartbeat, Identity, Lock};
 
 /// What rows are put together to.
 pub(crate) struct Assembled {
     pub sessions: BTreeMap<u64, Stored>,
     /// What is missing of each session that is not whole.
     pub broken: Vec<String>,
-    /// Frame that the world has come to.
-    pub frame: u64,
+    /// How far the world has come.
+    pub heartbeat: Heartbeat,
 }
 
 /// Puts rows together.
@@ -27,9 +28,10 @@ pub(crate) fn assemble(mut rows: BTreeMap<Row, Content>) -> Assembled {
     let (sessions, broken) = by_session(rows);
     let heartbeat = heartbeat.and_then(|content| parse::<Heartbeat>(&content.bytes));
     // A damaged file may have lost it, or hold an older one.
-    let rests = sessions.values().filter_map(|stored| Some(stored.mark.rest?.since));
-    let frame = rests.chain(heartbeat.map(|heartbeat| heartbeat.frame)).max().unwrap_or(0);
-    Assembled { sessions, broken, frame }
+    let mut heartbeat = heartbeat.unwrap_or_default();
+    let frames = sessions.values().map(|stored| stored.anchor.frame);
+    heartbeat.frame = frames.fold(heartbeat.frame, u64::max);
+    Assembled { sessions, broken, heartbeat }
 }
 
 /// Puts rows together to sessions; and says of each that is not whole what is missing.
@@ -66,13 +68,19 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
         .ok_or("a session without a name")?;
     let id = identity.id.clone();
     let missing = |what: &str| format!("the session '{id}': {what}");
-    let mark = one(Kind::Mark).ok_or_else(|| missing("how far it had come is not known"))?;
-    let marked = mark.batch;
-    if rows.iter().any(|(row, content)| row.kind == Kind::Entry && content.batch > marked) {
-        // A batch with an entry has a mark too.
+    let head = one(Kind::Head).ok_or_else(|| missing("how far it had come is not known"))?;
+    let counted = head.batch;
+    if rows.iter().any(|(row, content)| row.kind == Kind::Entry && content.batch > counted) {
+        // A batch with an entry counts it too.
         return Err(missing("how far it had come last is not known"));
     }
-    let mark: Mark = parse(&mark.bytes).ok_or_else(|| missing("its mark can't be read"))?;
+    let head: Head = parse(&head.bytes).ok_or_else(|| missing("its changes are not counted"))?;
+    let anchor: Anchor = one(Kind::Anchor)
+        .and_then(|content| parse(&content.bytes))
+        .ok_or_else(|| missing("how far its time had come is not known"))?;
+    let epochs: Epochs = one(Kind::Epochs)
+        .and_then(|content| parse(&content.bytes))
+        .ok_or_else(|| missing("its epochs are not known"))?;
     let checkpoint = match one(Kind::Checkpoint) {
         None => None,
         Some(content) => Some(
@@ -83,8 +91,8 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
     let base = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.base);
     let mut entries = VecDeque::new();
     for (row, content) in &rows {
-        // Left over in a damaged file: replaced by the checkpoint, or undone before the mark.
-        let undone = row.number >= mark.next && content.batch < marked;
+        // Left over in a damaged file: replaced by the checkpoint, or undone before they were counted.
+        let undone = row.number >= head.next && content.batch < counted;
         if row.kind != Kind::Entry || row.number < base || undone {
             continue;
         }
@@ -93,7 +101,7 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
             .ok_or_else(|| missing("changes are missing from its journal"))?;
         entries.push_back(Arc::new(entry));
     }
-    if base + (entries.len() as u64) < mark.next {
+    if base + (entries.len() as u64) < head.next {
         return Err(missing("the last changes are missing from its journal"));
     }
     let done = all(Kind::Answer).filter_map(|content| parse::<Done>(&content.bytes));
@@ -106,7 +114,8 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
         checkpoint: checkpoint.map(Arc::new),
         entry_bytes: bytes_of(&entries),
         entries,
-        mark,
+        anchor,
+        epochs,
         done,
         lock: one(Kind::Lock).map(|content| Lock::read(&content.bytes)),
     })

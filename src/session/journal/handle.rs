@@ -17,7 +17,7 @@ use crate::store::{Store, StoreError};
 use crate::threads::{self, Priority};
 
 use super::record::{Append, Part};
-use super::writer::{Mouth, Writer};
+use super::writer::{Teller, Writer};
 use super::{Checkpoint, Heartbeat, StoreVitals, Taken};
 
 /// What the world is told.
@@ -36,7 +36,12 @@ pub(super) enum Task {
     /// With how far the world has come after all of it.
     Append(Vec<Append>, Option<Heartbeat>),
     /// Sessions that the store may hold wrongly, as they should be.
-    Rewrite(Vec<(u64, Vec<Part>)>, Heartbeat),
+    Rewrite {
+        sessions: Vec<(u64, Vec<Part>)>,
+        heartbeat: Heartbeat,
+        /// Rejections that the world has heard of.
+        heard: u64,
+    },
 }
 
 struct Job {
@@ -80,9 +85,9 @@ impl Journal {
         let (tasks, incoming) = mpsc::channel();
         let (tell, verdicts) = mpsc::channel();
         let (jobs, to_encode) = mpsc::channel();
-        let mouth = || Mouth { tell: tell.clone(), nudge: nudge.clone() };
-        let writer = Writer::new(store, incoming, mouth(), answered, vitals, ages);
-        let packer = Packer { jobs: to_encode, mouth: mouth() };
+        let teller = || Teller { tell: tell.clone(), nudge: nudge.clone() };
+        let writer = Writer::new(store, incoming, teller(), answered, vitals, ages);
+        let packer = Packer { jobs: to_encode, teller: teller() };
         let journal = Journal {
             tasks: Some(tasks),
             jobs: Some(jobs),
@@ -112,9 +117,10 @@ impl Journal {
         self.frame.push(append);
     }
 
-    /// Adds that the world has come to a frame, and with it every session at rest.
-    pub fn beat(&mut self, frame: u64) {
-        self.heartbeat = Some(Heartbeat { frame });
+    /// Adds how far the world has come after all that was added before, and with it every session whose ticks
+    /// follow the beat.
+    pub fn beat(&mut self, heartbeat: Heartbeat) {
+        self.heartbeat = Some(heartbeat);
     }
 
     /// Hands over what this frame has left, to be committed together. Snapshots follow the entries
@@ -134,9 +140,9 @@ impl Journal {
     }
 
     /// Has sessions written anew, with how far the world has come.
-    pub fn rewrite(&mut self, sessions: Vec<(u64, Vec<Part>)>, frame: u64) {
+    pub fn rewrite(&mut self, sessions: Vec<(u64, Vec<Part>)>, heartbeat: Heartbeat, heard: u64) {
         self.send();
-        self.hand_over(Task::Rewrite(sessions, Heartbeat { frame }));
+        self.hand_over(Task::Rewrite { sessions, heartbeat, heard });
     }
 
     fn hand_over(&self, task: Task) {
@@ -214,7 +220,7 @@ impl Workers {
 /// Makes checkpoints of snapshots.
 struct Packer {
     jobs: mpsc::Receiver<Job>,
-    mouth: Mouth,
+    teller: Teller,
 }
 
 impl Packer {
@@ -242,7 +248,7 @@ impl Packer {
                 None
             }
         };
-        self.mouth.tell(Verdict::Packed { key, life, checkpoint }, true);
+        self.teller.tell(Verdict::Packed { key, life, checkpoint }, true);
     }
 }
 

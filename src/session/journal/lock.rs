@@ -7,10 +7,13 @@ use firn_protocol::SettingsPatch;
 use serde::{Deserialize, Serialize};
 
 use crate::session::change::Change;
+use crate::session::error::SessionError;
 use crate::store::{Kind, Row, Write};
 
-use super::record::{Stored, json};
-use super::{Entry, Event, Part};
+use super::fold::Fold;
+use super::record::Stored;
+use super::rows::json;
+use super::{Entry, Part};
 
 /// That a session is locked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,17 +38,20 @@ impl Lock {
 impl Stored {
     /// Has a locked session come back paused, as if somebody had paused it last. Returns what has to
     /// be written for that, together and before anything else.
-    pub fn pause(&mut self) -> Vec<Part> {
+    ///
+    /// # Errors
+    /// Where what is stored can't be read.
+    pub fn pause(&mut self) -> Result<Vec<Part>, SessionError> {
         if self.lock.is_none_or(|lock| lock.paused) {
-            return Vec::new();
+            return Ok(Vec::new());
         }
         let patch = SettingsPatch { paused: Some(true), ..SettingsPatch::default() };
-        let events = vec![Event::Change(Change::Settings(patch))];
-        let entry = Arc::new(Entry { tick: self.mark.tick, events });
+        let command = Fold::of(self)?.decide(&Change::Settings(patch))?;
+        let (tick, seq) = (self.anchor.tick, self.newest_seq());
+        let entry = Arc::new(Entry { tick, seq, reached: tick, commands: vec![command] });
         let lock = Some(Lock { paused: true });
         let parts = vec![Part::Entry(self.next(), entry), Part::Lock(lock)];
         parts.iter().for_each(|part| self.enter(part));
-        self.mark.next = self.next();
-        parts
+        Ok(parts)
     }
 }

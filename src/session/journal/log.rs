@@ -4,12 +4,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::machine;
+use crate::session::command::Command;
 use crate::session::handle::Session;
 use crate::session::once::Done;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 
-use super::{Append, Entry, Event, Identity, Mark, Part, Record, Rest, Stored};
+use super::{Anchor, Append, Entry, Epochs, Exact, Identity, Part, Record, Stored};
 
 /// Entries after which a checkpoint is due, however young the last is.
 const LONGEST_JOURNAL: u64 = 8192;
@@ -28,9 +29,9 @@ pub(crate) struct Log {
     next: u64,
     /// Entries that the newest checkpoint holds.
     covered: u64,
-    /// Tick of the first event.
+    /// Tick of the first command.
     tick: u64,
-    events: Vec<Event>,
+    commands: Vec<Command>,
     /// Somebody waits until what the frame leaves is durable.
     awaited: bool,
     /// What came of requests that carry a key.
@@ -39,21 +40,16 @@ pub(crate) struct Log {
     create: Option<Part>,
     /// Snapshot taken for a checkpoint.
     pub taken: Option<Box<Taken>>,
-    /// As last submitted.
-    mark: Mark,
+    /// How far it had come, as last submitted.
+    anchor: Anchor,
     /// What is stored says something else.
-    unmarked: bool,
+    unanchored: bool,
+    /// The newest seq that is sure to be of a state that was not lost, where the session went back.
+    fixed: Option<u64>,
     /// Since when the newest checkpoint is not the state any more.
     outdated: Option<Instant>,
     /// Earliest time for the next, where one has failed.
     not_before: Option<Instant>,
-}
-
-/// How far a session has come.
-struct Progress {
-    tick: u64,
-    seq: u64,
-    rest: Option<Rest>,
 }
 
 /// A snapshot that is to be a checkpoint.
@@ -68,10 +64,14 @@ impl Log {
     pub fn created(
         identity: Arc<Identity>,
         origin: Option<Arc<[u8]>>,
+        epochs: Epochs,
+        anchor: Anchor,
         done: Option<Arc<Done>>,
     ) -> Log {
         Log {
-            create: Some(Part::Create(identity, origin)),
+            create: Some(Part::Create(identity, origin, epochs)),
+            anchor,
+            unanchored: true,
             answered: done.into_iter().collect(),
             outdated: Some(machine::now()),
             ..Log::default()
@@ -86,8 +86,12 @@ impl Log {
             position: record.position,
             next: stored.next(),
             covered: stored.base(),
-            mark: stored.mark.clone(),
-            unmarked: true,
+            anchor: stored.anchor,
+            unanchored: true,
+            fixed: match stored.anchor.exact {
+                Exact::Fixed(seq) => Some(seq),
+                Exact::Runs | Exact::Stands(_) => None,
+            },
             outdated: outdated.then(machine::now),
             ..Log::default()
         }
@@ -98,9 +102,14 @@ impl Log {
         self.life
     }
 
-    /// Position that somebody waits for and nothing was handed over for.
-    pub fn unkept(&self) -> Option<u64> {
-        self.awaited.then_some(self.position + 1)
+    /// Number of the next entry.
+    pub fn next(&self) -> u64 {
+        self.next
+    }
+
+    /// The newest position that anybody was told.
+    pub fn last_told(&self) -> u64 {
+        self.position + u64::from(self.awaited)
     }
 
     /// Goes on from an append that something else has left.
@@ -109,11 +118,11 @@ impl Log {
     }
 
     /// Notes a change that goes with the next frame.
-    pub fn record(&mut self, tick: u64, event: Event) {
-        if self.events.is_empty() {
+    pub fn record(&mut self, tick: u64, command: Command) {
+        if self.commands.is_empty() {
             self.tick = tick;
         }
-        self.events.push(event);
+        self.commands.push(command);
     }
 
     /// Notes what came of a request that carries a key, with the change that it made.
@@ -127,10 +136,14 @@ impl Log {
         self.position + 1
     }
 
-    /// Notes seqs whose states are lost. Returns all of them.
-    pub fn lose(&mut self, first: u64, last: u64) -> &[(u64, u64)] {
-        self.mark.lose(first, last);
-        &self.mark.lost
+    /// The seq of what is published in a round.
+    pub fn seq_in(&self, round: u64) -> u64 {
+        self.anchor.seq_in(round)
+    }
+
+    /// Notes that a checkpoint is stored that holds all that was published before.
+    pub fn release(&mut self) {
+        self.fixed = None;
     }
 
     /// Notes that cells may have changed.
@@ -152,9 +165,9 @@ impl Log {
         since.checked_add(interval)
     }
 
-    /// Whether its newest mark says that it is at rest.
-    pub fn rests(&self) -> bool {
-        self.mark.rest.is_some()
+    /// Whether its newest anchor says that its time goes on.
+    pub fn ticks(&self) -> bool {
+        self.anchor.rate > 0.0
     }
 
     /// Notes that the newest checkpoint did not come to be; the one before it holds all entries below
@@ -178,43 +191,43 @@ impl Log {
 
     /// Whether the last frame left anything to be made durable; `ran` says whether it had cycles.
     fn has_news(&mut self, ran: bool) -> bool {
-        if ran || !self.events.is_empty() {
+        if ran || !self.commands.is_empty() {
             self.outdate();
         }
         let waited_for = self.awaited || self.create.is_some() || self.taken.is_some();
-        waited_for || !self.events.is_empty()
+        waited_for || !self.commands.is_empty()
     }
 
-    /// What the last frame left to be made durable.
-    fn take(&mut self, session: &Session, progress: Progress) -> Append {
+    /// What the last frame left to be made durable; `seq` is that of its publication.
+    fn take(&mut self, session: &Session, seq: u64, anchor: Anchor) -> Append {
         let mut parts = Vec::with_capacity(3);
         parts.extend(self.create.take());
-        if !self.events.is_empty() {
-            let events = std::mem::take(&mut self.events);
-            let entry = Entry { tick: self.tick, events };
+        if !self.commands.is_empty() {
+            let commands = std::mem::take(&mut self.commands);
+            let entry = Entry { tick: self.tick, seq, reached: anchor.tick, commands };
             parts.push(Part::Entry(self.next, Arc::new(entry)));
             self.next += 1;
         }
-        parts.push(Part::Mark(self.set_mark(self.mark_of(progress))));
+        parts.extend(self.change_anchor(anchor).map(Part::Anchor));
         parts.extend(self.answered.drain(..).map(Part::Done));
         let awaited = std::mem::take(&mut self.awaited);
         self.append(session, parts, awaited)
+    }
+
+    /// Where a session has come, unless the newest anchor says so.
+    fn change_anchor(&mut self, anchor: Anchor) -> Option<Anchor> {
+        if !self.unanchored && self.anchor.holds(&anchor) {
+            return None;
+        }
+        self.unanchored = false;
+        self.anchor = anchor;
+        Some(anchor)
     }
 
     fn append(&mut self, session: &Session, parts: Vec<Part>, awaited: bool) -> Append {
         self.position += 1;
         let (key, position, receipts) = (session.key, self.position, session.receipts.clone());
         Append { key, position, parts: Arc::new(parts), awaited, receipts }
-    }
-
-    fn mark_of(&self, Progress { tick, seq, rest }: Progress) -> Mark {
-        Mark { tick, seq, next: self.next, lost: self.mark.lost.clone(), rest }
-    }
-
-    fn set_mark(&mut self, mark: Mark) -> Mark {
-        self.unmarked = false;
-        self.mark = mark.clone();
-        mark
     }
 }
 
@@ -240,8 +253,8 @@ impl Simulation {
         }
         let ran = self.flight.advance.run.cycles > 0;
         let append = self.log.has_news(ran).then(|| {
-            let progress = self.progress();
-            self.log.take(&self.session, progress)
+            let (seq, anchor) = (self.session.mirror().seq, self.anchor());
+            self.log.take(&self.session, seq, anchor)
         });
         let checkpoint = self.log.taken.take().map(|taken| {
             self.log.cover();
@@ -250,31 +263,36 @@ impl Simulation {
         Left { append, checkpoint }
     }
 
-    /// How far the session has come, where that is known.
-    pub(in crate::session) fn present_mark(&self) -> Option<Mark> {
-        let known = !self.portions.are_under_way() && self.replay.is_none();
-        known.then(|| self.log.mark_of(self.progress()))
+    /// How far the session has come. In the middle of a run it has not come further than before.
+    pub(in crate::session) fn anchor(&self) -> Anchor {
+        let before = self.flight.clock_before.filter(|_| self.portions.are_under_way());
+        let (tick, clock) = match before {
+            Some(before) => (before.tick(), before),
+            // Ticks that are owed are about to be taken.
+            None => (self.state.clock.tick() + self.owed, self.state.clock),
+        };
+        let rate = if self.follows_the_beat() { clock.tick_rate() } else { 0.0 };
+        let exact = match self.log.fixed {
+            Some(seq) => Exact::Fixed(seq),
+            None if rate > 0.0 => Exact::Runs,
+            None => Exact::Stands(self.session.mirror().seq),
+        };
+        Anchor { tick, frame: self.frame, rate, exact, ..self.log.anchor }
     }
 
-    /// A mark, where the newest one does not say how far the session has come. In the middle of a
-    /// run it has not come further than before.
-    pub(in crate::session) fn mark(&mut self) -> Option<Append> {
-        if self.portions.are_under_way() {
+    /// An anchor, where the newest one does not say how far the session has come.
+    pub(in crate::session) fn change_anchor(&mut self) -> Option<Append> {
+        if self.log.create.is_some() {
             return None;
         }
-        let mark = self.log.mark_of(self.progress());
-        let known = !self.log.unmarked && self.log.mark.holds(&mark);
-        if known || self.log.create.is_some() {
-            return None;
-        }
-        let mark = self.log.set_mark(mark);
-        Some(self.log.append(&self.session, vec![Part::Mark(mark)], false))
+        let anchor = self.anchor();
+        let anchor = self.log.change_anchor(anchor)?;
+        Some(self.log.append(&self.session, vec![Part::Anchor(anchor)], false))
     }
 
-    fn progress(&self) -> Progress {
-        let (tick, tick_rate) = (self.state.clock.tick(), self.state.clock.tick_rate());
-        let rest = self.passes().then_some(Rest { since: self.frame, tick_rate });
-        Progress { tick, seq: self.session.mirror().seq, rest }
+    /// Whether its ticks fall on the beat.
+    fn follows_the_beat(&self) -> bool {
+        !self.state.settings.paused && !self.frozen && self.step.is_none() && self.replay.is_none()
     }
 }
 

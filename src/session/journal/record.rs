@@ -6,12 +6,8 @@ use std::sync::Arc;
 use crate::session::answer::Answer;
 use crate::session::once::Done;
 use crate::session::receipt::Receipts;
-use crate::store::{Kind, Row, Write};
 
-use super::{Checkpoint, Entry, Heartbeat, Identity, Lock, Mark};
-
-/// The row that says how far the world has come. Sessions have keys that are counted from 0.
-pub(super) const HEARTBEAT: Row = Row { session: u64::MAX, kind: Kind::Heartbeat, number: 0 };
+use super::{Anchor, Checkpoint, Entry, Epochs, Identity, Lock};
 
 /// A session as it can be brought back.
 #[derive(Clone, Debug)]
@@ -25,7 +21,9 @@ pub(crate) struct Stored {
     pub entries: VecDeque<Arc<Entry>>,
     /// Memory that they take.
     pub entry_bytes: usize,
-    pub mark: Mark,
+    /// How far it has come.
+    pub anchor: Anchor,
+    pub epochs: Epochs,
     /// What came of requests that carry a key, the oldest first.
     pub done: VecDeque<Arc<Done>>,
     /// Where it came back from a damaged file.
@@ -42,16 +40,29 @@ impl Stored {
     pub fn next(&self) -> u64 {
         self.base() + self.entries.len() as u64
     }
+
+    /// Tick that it has come to at a beat: no earlier one than anybody was told with a change.
+    pub fn tick_at(&self, frame: u64) -> u64 {
+        let told = self.entries.back().map_or(0, |entry| entry.reached);
+        self.anchor.tick_at(frame).max(told)
+    }
+
+    /// The newest seq of what is stored of it, as far as a checkpoint or an entry tells.
+    pub fn newest_seq(&self) -> u64 {
+        let checkpoint = self.checkpoint.as_ref().map_or(1, |checkpoint| checkpoint.seq);
+        self.entries.back().map_or(checkpoint, |entry| entry.seq.max(checkpoint))
+    }
 }
 
 /// One thing to be made durable about a session.
 #[derive(Clone, Debug)]
 pub(crate) enum Part {
-    Create(Arc<Identity>, Option<Arc<[u8]>>),
+    Create(Arc<Identity>, Option<Arc<[u8]>>, Epochs),
     /// Other tokens.
     Identity(Arc<Identity>),
     Entry(u64, Arc<Entry>),
-    Mark(Mark),
+    Anchor(Anchor),
+    Epochs(Epochs),
     Checkpoint(Arc<Checkpoint>),
     /// What came of a request that carries a key.
     Done(Arc<Done>),
@@ -75,7 +86,7 @@ pub(crate) struct Append {
 impl Append {
     /// Whether nobody waits for it and it replaces what came before.
     pub fn can_wait(&self) -> bool {
-        !self.awaited && self.parts.iter().all(|part| matches!(part, Part::Mark(_)))
+        !self.awaited && self.parts.iter().all(|part| matches!(part, Part::Anchor(_)))
     }
 
     /// Whether the world has something to do as soon as it is durable.
@@ -84,38 +95,6 @@ impl Append {
             matches!(part, Part::Checkpoint(_) | Part::Delete | Part::Identity(_) | Part::Lock(_))
         };
         self.parts.iter().any(news)
-    }
-}
-
-/// What some parts of a session write.
-pub(super) fn write(session: u64, parts: &[Part], writes: &mut Vec<Write>) {
-    let row = |kind, number| Row { session, kind, number };
-    for part in parts {
-        match part {
-            Part::Create(identity, origin) => {
-                writes.push(Write::Put(row(Kind::Identity, 0), json(&**identity)));
-                if let Some(origin) = origin {
-                    writes.push(Write::Put(row(Kind::Origin, 0), origin.to_vec()));
-                }
-            }
-            Part::Identity(identity) => {
-                writes.push(Write::Put(row(Kind::Identity, 0), json(&**identity)));
-            }
-            Part::Entry(number, entry) => {
-                writes.push(Write::Put(row(Kind::Entry, *number), json(&**entry)));
-            }
-            Part::Mark(mark) => writes.push(Write::Put(row(Kind::Mark, 0), json(mark))),
-            Part::Checkpoint(checkpoint) => {
-                let before = checkpoint.base;
-                writes.push(Write::Put(row(Kind::Checkpoint, 0), checkpoint.encode()));
-                writes.push(Write::RemoveEntries { session, before });
-            }
-            Part::Done(done) => {
-                writes.push(Write::Put(row(Kind::Answer, done.number()), json(&**done)));
-            }
-            Part::Lock(lock) => writes.push(Lock::write(*lock, session)),
-            Part::Delete => writes.push(Write::RemoveSession(session)),
-        }
     }
 }
 
@@ -134,12 +113,8 @@ impl Pending {
     /// Whether the session has to go back where this is not made durable: somebody has waited for what it
     /// has become.
     fn shows(&self) -> bool {
-        let shows = |part: &Part| match part {
-            Part::Create(..) | Part::Entry(..) => true,
-            Part::Mark(_) => self.awaited,
-            _ => false,
-        };
-        self.parts.iter().any(shows)
+        let shows = |part: &Part| matches!(part, Part::Create(..) | Part::Entry(..));
+        self.awaited || self.parts.iter().any(shows)
     }
 
     fn deletes(&self) -> bool {
@@ -172,9 +147,10 @@ impl Record {
     pub fn new(
         identity: Arc<Identity>,
         origin: Option<Arc<[u8]>>,
+        epochs: Epochs,
         receipts: Arc<Receipts>,
     ) -> Record {
-        Record { exists: false, ..Record::of(Stored::new(identity, origin), receipts) }
+        Record { exists: false, ..Record::of(Stored::new(identity, origin, epochs), receipts) }
     }
 
     /// Notes what is on its way.
@@ -201,14 +177,15 @@ impl Record {
         self.pending.iter().any(Pending::deletes)
     }
 
-    /// All up to a position is durable. Returns what was on its way until now.
-    pub fn confirm(&mut self, position: u64) -> Vec<Pending> {
+    /// All up to a position is durable. Returns what was on its way until now. Forgets requests that are over.
+    pub fn confirm(&mut self, position: u64, is_over: impl Fn(&Done) -> bool) -> Vec<Pending> {
         let count = self.pending.partition_point(|pending| pending.position <= position);
         let confirmed: Vec<Pending> = self.pending.drain(..count).collect();
         for part in confirmed.iter().flat_map(|pending| &*pending.parts) {
             self.exists |= matches!(part, Part::Create(..));
             self.stored.enter(part);
         }
+        while self.stored.done.pop_front_if(|done| is_over(done)).is_some() {}
         self.stored.weigh();
         confirmed
     }
@@ -221,7 +198,9 @@ impl Record {
         if !shows {
             // How far it has come is so all the same, and will be written with the rest.
             let parts = cut.iter().flat_map(|pending| &*pending.parts);
-            parts.filter(|part| matches!(part, Part::Mark(_))).for_each(|it| self.stored.enter(it));
+            parts
+                .filter(|part| matches!(part, Part::Anchor(_)))
+                .for_each(|it| self.stored.enter(it));
         }
         let range = cut.first().map(|first| (first.position, self.position));
         (cut, range.filter(|_| shows))
@@ -253,14 +232,15 @@ impl Record {
 
 impl Stored {
     /// As it begins.
-    fn new(identity: Arc<Identity>, origin: Option<Arc<[u8]>>) -> Stored {
+    fn new(identity: Arc<Identity>, origin: Option<Arc<[u8]>>, epochs: Epochs) -> Stored {
         Stored {
             identity,
             origin,
             checkpoint: None,
             entries: VecDeque::new(),
             entry_bytes: 0,
-            mark: Mark::default(),
+            anchor: Anchor::default(),
+            epochs,
             done: VecDeque::new(),
             lock: None,
         }
@@ -275,7 +255,8 @@ impl Stored {
                 self.entry_bytes += entry.bytes();
                 self.entries.push_back(entry.clone());
             }
-            Part::Mark(mark) => self.mark = mark.clone(),
+            Part::Anchor(anchor) => self.anchor = *anchor,
+            Part::Epochs(epochs) => self.epochs = epochs.clone(),
             Part::Checkpoint(checkpoint) => {
                 let covered = checkpoint.base.saturating_sub(self.base()) as usize;
                 let covered = self.entries.drain(..covered.min(self.entries.len()));
@@ -292,8 +273,8 @@ impl Stored {
     pub fn parts(&self) -> Vec<Part> {
         let mut parts = vec![
             Part::Delete,
-            Part::Create(self.identity.clone(), self.origin.clone()),
-            Part::Mark(self.mark.clone()),
+            Part::Create(self.identity.clone(), self.origin.clone(), self.epochs.clone()),
+            Part::Anchor(self.anchor),
         ];
         parts.extend(self.checkpoint.clone().map(Part::Checkpoint));
         parts.extend(self.done.iter().cloned().map(Part::Done));
@@ -304,33 +285,26 @@ impl Stored {
     }
 }
 
-/// The row of a heartbeat.
-pub(super) fn beat(heartbeat: Heartbeat) -> Write {
-    Write::Put(HEARTBEAT, json(&heartbeat))
-}
-
-pub(super) fn json(value: &impl serde::Serialize) -> Vec<u8> {
-    serde_json::to_vec(value).expect("what is journaled has string keys and finite numbers")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::session::journal::Weight;
     use crate::session::token::Tokens;
     use firn_protocol::SessionSpec;
+    use ulid::Ulid;
 
     fn record() -> Record {
         let identity = Identity {
+            sid: Ulid(7),
             id: "a".to_owned(),
-            epoch: "b".to_owned(),
             created_at: "c".to_owned(),
             owner: None,
             weight: Weight::default(),
             tokens: Tokens::generate().unwrap().hashes(),
             spec: SessionSpec::default(),
         };
-        Record::of(Stored::new(Arc::new(identity), None), Arc::default())
+        let epochs = Epochs::first(identity.sid, 1);
+        Record::of(Stored::new(Arc::new(identity), None, epochs), Arc::default())
     }
 
     fn push(record: &mut Record, part: Part) {
@@ -339,7 +313,7 @@ mod tests {
     }
 
     fn entry(number: u64) -> Part {
-        Part::Entry(number, Arc::new(Entry { tick: 0, events: Vec::new() }))
+        Part::Entry(number, Arc::new(Entry { tick: 0, seq: 1, reached: 0, commands: Vec::new() }))
     }
 
     fn checkpoint(base: u64) -> Part {
@@ -355,7 +329,7 @@ mod tests {
         }
         let counts = |stored: &Stored| (stored.base(), stored.entries.len());
         assert_eq!([counts(&record.stored), counts(&record.present())], [(0, 0), (1, 1)]);
-        assert_eq!(record.confirm(2).len(), 2);
+        assert_eq!(record.confirm(2, |_| false).len(), 2);
         assert_eq!([counts(&record.stored), counts(&record.present())], [(0, 2), (1, 1)]);
         let (cut, range) = record.cut();
         assert_eq!((cut.len(), range), (1, None), "nobody has seen a checkpoint");
@@ -365,13 +339,14 @@ mod tests {
     #[test]
     fn a_session_goes_back_where_somebody_saw_what_is_not_durable() {
         let mut record = record();
-        push(&mut record, Part::Mark(Mark::default()));
+        push(&mut record, Part::Anchor(Anchor::default()));
         assert_eq!(record.cut().1, None);
-        push(&mut record, Part::Mark(Mark::default()));
+        push(&mut record, Part::Anchor(Anchor::default()));
         push(&mut record, entry(0));
-        push(&mut record, Part::Mark(Mark::default()));
+        push(&mut record, Part::Anchor(Anchor::default()));
         assert_eq!(record.cut().1, Some((2, 4)), "with all that was on its way");
-        let step = Append { awaited: true, ..record.append(7, vec![Part::Mark(Mark::default())]) };
+        let step =
+            Append { awaited: true, ..record.append(7, vec![Part::Anchor(Anchor::default())]) };
         record.push(&step, Vec::new());
         assert_eq!(record.cut().1, Some((5, 5)), "as the end of a step");
         push(&mut record, Part::Delete);

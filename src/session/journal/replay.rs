@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use firn_engine::frame::Edit;
 
+use crate::session::command::Command;
 use crate::session::orders::MOST_CHANGES;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 
-use super::{Entry, Event, Stored};
+use super::{Entry, Stored};
 
 /// Times in one frame that snow falls after anything else, each of which begins another submit: what
 /// happened after so many waits for the next frame.
@@ -30,12 +31,12 @@ pub(crate) struct Replay {
 }
 
 impl Replay {
-    /// What a session has to go through after its checkpoint, at least up to the tick of its mark.
+    /// What a session has to go through after its checkpoint, at least up to the tick that it had come to.
     /// `mirrors` says whether the mirror knows nothing better than the checkpoint.
     pub fn new(stored: &Stored, mirrors: bool) -> Replay {
         Replay {
             entries: stored.entries.clone(),
-            until: stored.mark.tick,
+            until: stored.anchor.tick,
             restores: true,
             mirrors: mirrors && stored.checkpoint.is_some(),
             parted: false,
@@ -49,6 +50,11 @@ impl Replay {
         }
         let until = self.entries.front().map_or(self.until, |entry| entry.tick);
         until.saturating_sub(tick)
+    }
+
+    /// Whether what was saved is still to be restored.
+    pub fn restores(&self) -> bool {
+        self.restores
     }
 
     /// Whether the frame's outcome goes to the mirror.
@@ -89,25 +95,15 @@ impl Simulation {
                 break;
             }
             replay.entries.pop_front();
-            for event in &entry.events {
-                self.repeat(event);
-                reset |= matches!(event, Event::Reset);
+            for command in &entry.commands {
+                self.repeat(command);
+                reset |= *command == Command::Reset;
             }
             let new = &self.next.edits[counted.saturating_sub(1)..];
             rounds += new.windows(2).filter(|pair| begins_a_round(&pair[0], &pair[1])).count();
             counted = self.next.edits.len();
         }
         self.replay = Some(replay);
-    }
-
-    fn repeat(&mut self, event: &Event) {
-        match event {
-            Event::Change(change) => self.repeat_change(change),
-            Event::Reset => {
-                let origin = self.session.origin_snapshot();
-                self.begin_anew(origin.as_ref());
-            }
-        }
     }
 
     /// Notes that a frame of the replay is done. Returns whether it was the last.

@@ -1,19 +1,17 @@
-//! Memory that the image of a session takes, kept up to date as it changes: whoever asks for it does
-//! not look at the image.
+//! Memory that the record of a session takes, kept up to date as it changes: whoever asks for it does
+//! not look at the record.
 
 use std::collections::VecDeque;
 use std::mem::size_of;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use firn_protocol::{ColliderBatch, ColliderSpec};
-
-use crate::session::change::Change;
+use crate::session::command::{Command, ObjectSpec};
 use crate::session::idempotency::RequestKey;
 use crate::session::memory::heap_bytes;
 use crate::session::once::Done;
 
-use super::{Checkpoint, Entry, Event, Identity, Stored};
+use super::{Checkpoint, Entry, Identity, Stored};
 
 /// Counters of an `Arc`.
 const SHARED: usize = 2 * size_of::<usize>();
@@ -28,7 +26,7 @@ const DONE: usize = SHARED
         * 3
         / 2;
 
-/// Bytes of a session's image. Clones are handles to the same.
+/// Bytes of a session's record. Clones are handles to the same.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Weight(Arc<AtomicU64>);
 
@@ -58,7 +56,7 @@ pub(super) fn bytes_of(entries: &VecDeque<Arc<Entry>>) -> usize {
 
 impl Identity {
     fn bytes(&self) -> usize {
-        let texts = [&self.id, &self.epoch, &self.created_at].map(|text| text.capacity());
+        let texts = [&self.id, &self.created_at].map(|text| text.capacity());
         let heap = heap_bytes(&self.spec) + texts.iter().sum::<usize>();
         SHARED + size_of::<Identity>() + heap
     }
@@ -73,33 +71,21 @@ impl Checkpoint {
 
 impl Entry {
     pub(super) fn bytes(&self) -> usize {
-        let events = self.events.capacity() * size_of::<Event>();
-        SHARED + size_of::<Entry>() + events + self.events.iter().map(Event::heap).sum::<usize>()
+        let commands = self.commands.capacity() * size_of::<Command>();
+        SHARED
+            + size_of::<Entry>()
+            + commands
+            + self.commands.iter().map(Command::heap).sum::<usize>()
     }
 }
 
-impl Event {
+impl Command {
     /// Memory that it takes beside its own size.
     fn heap(&self) -> usize {
-        let name = |spec: &ColliderSpec| spec.id.as_ref().map_or(0, String::capacity);
-        match self {
-            Event::Change(Change::Colliders(ColliderBatch { put, delete })) => {
-                let names = put.iter().map(name).chain(delete.iter().map(String::capacity));
-                let places = put.capacity() * size_of::<ColliderSpec>()
-                    + delete.capacity() * size_of::<String>();
-                places + names.sum::<usize>()
-            }
-            Event::Change(Change::CreateCollider(spec) | Change::PutCollider(spec)) => name(spec),
-            Event::Change(Change::PatchCollider { id, .. } | Change::DeleteCollider { id }) => {
-                id.capacity()
-            }
-            Event::Change(
-                Change::Snowfall(_)
-                | Change::Clearing(_)
-                | Change::AirTemperature(_)
-                | Change::Settings(_),
-            )
-            | Event::Reset => 0,
-        }
+        let Command::Objects { removed, put } = self else { return 0 };
+        let names = removed.iter().chain(put.iter().map(|(id, _)| id));
+        let places = removed.capacity() * size_of::<Arc<str>>()
+            + put.capacity() * size_of::<(Arc<str>, ObjectSpec)>();
+        places + names.map(|id| SHARED + id.len()).sum::<usize>()
     }
 }

@@ -17,26 +17,27 @@ use crate::session::once::{Answered, Done};
 use crate::store::{Kind, Row, Store, StoreError, Write};
 
 use super::handle::{Task, unstorable};
-use super::record::{Append, Part, beat, write};
+use super::record::{Append, Part};
+use super::rows::{beat, write};
 use super::{Heartbeat, StoreVitals, Verdict};
 
 /// Time between two looks at whether the store is where it was.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// Longest time that marks wait for changes to be committed with.
-const MARKS_WAIT: Duration = Duration::from_millis(250);
+/// Longest time that anchors wait for changes to be committed with.
+const COMPANY_WAIT: Duration = Duration::from_millis(250);
 
 /// Tasks in one commit, about.
 const LARGEST_BATCH: usize = 16_384;
 
-/// How the writer tells the world something.
-pub(super) struct Mouth {
+/// How the world is told something.
+pub(super) struct Teller {
     pub tell: mpsc::Sender<Verdict>,
     /// Woken when there is something to be heard at once.
     pub nudge: WeakSender<Message>,
 }
 
-impl Mouth {
+impl Teller {
     pub fn tell(&self, verdict: Verdict, at_once: bool) {
         // Neither is heard where the world has ended.
         let _ = self.tell.send(verdict);
@@ -49,10 +50,10 @@ impl Mouth {
 pub(super) struct Writer {
     store: Box<dyn Store>,
     incoming: mpsc::Receiver<Task>,
-    mouth: Mouth,
+    teller: Teller,
     answered: Arc<Answered>,
     vitals: Arc<StoreVitals>,
-    /// Marks that wait for company.
+    /// Anchors that wait for company.
     waiting: Vec<Append>,
     /// As it does.
     heartbeat: Option<Heartbeat>,
@@ -60,6 +61,8 @@ pub(super) struct Writer {
     last_look: Instant,
     /// Why the store could not be written to.
     failure: Option<StoreError>,
+    /// How often the world was told of that.
+    rejections: u64,
     /// Sessions and requests that carried a key, by age, the oldest first.
     ages: VecDeque<(u64, Arc<Done>)>,
 }
@@ -69,7 +72,7 @@ impl Writer {
     pub fn new(
         store: Box<dyn Store>,
         incoming: mpsc::Receiver<Task>,
-        mouth: Mouth,
+        teller: Teller,
         answered: Arc<Answered>,
         vitals: Arc<StoreVitals>,
         ages: Vec<(u64, Arc<Done>)>,
@@ -77,7 +80,7 @@ impl Writer {
         Writer {
             store,
             incoming,
-            mouth,
+            teller,
             answered,
             vitals,
             waiting: Vec::new(),
@@ -85,6 +88,7 @@ impl Writer {
             last_commit: machine::now(),
             last_look: machine::now(),
             failure: None,
+            rejections: 0,
             ages: ages.into(),
         }
     }
@@ -112,18 +116,18 @@ impl Writer {
                     batch.extend(appends);
                     self.heartbeat = heartbeat.or(self.heartbeat);
                 }
-                Task::Rewrite(sessions, heartbeat) => {
+                Task::Rewrite { sessions, heartbeat, heard } => {
                     self.heartbeat = Some(heartbeat);
                     if !batch.is_empty() {
                         self.commit(std::mem::take(&mut batch), ended);
                     }
-                    self.rewrite(&sessions);
+                    self.rewrite(&sessions, heard);
                 }
             }
         }
         self.look();
         let urgent = ended
-            || machine::since(self.last_commit) >= MARKS_WAIT
+            || machine::since(self.last_commit) >= COMPANY_WAIT
             || batch.iter().any(|append| !append.can_wait());
         if urgent {
             self.commit(batch, ended);
@@ -149,7 +153,7 @@ impl Writer {
             let ended = first.is_none();
             return (first, ended);
         }
-        match self.incoming.recv_timeout(if idle { LOOK } else { MARKS_WAIT }) {
+        match self.incoming.recv_timeout(if idle { LOOK } else { COMPANY_WAIT }) {
             Ok(task) => (Some(task), false),
             Err(RecvTimeoutError::Timeout) => (None, false),
             Err(RecvTimeoutError::Disconnected) => (None, true),
@@ -229,7 +233,9 @@ impl Writer {
         }
         let first = self.failure.is_none();
         self.failure = Some(failure.clone());
+        self.vitals.set_healthy(false);
         if first || !batch.is_empty() {
+            self.rejections += 1;
             self.tell(batch, true, |appends| Verdict::Failed(appends, failure));
         }
     }
@@ -242,12 +248,17 @@ impl Writer {
     ) {
         if !batch.is_empty() || at_once {
             let appends = batch.iter().map(|append| (append.key, append.position)).collect();
-            self.mouth.tell(verdict(appends), at_once);
+            self.teller.tell(verdict(appends), at_once);
         }
     }
 
-    /// Writes sessions anew. Where that succeeds, all goes on.
-    fn rewrite(&mut self, sessions: &[(u64, Vec<Part>)]) {
+    /// Writes sessions anew. Where that succeeds, all goes on: not where the world has not `heard` of all that
+    /// was refused before.
+    fn rewrite(&mut self, sessions: &[(u64, Vec<Part>)], heard: u64) {
+        if let Some(failure) = self.failure.clone().filter(|_| heard < self.rejections) {
+            self.teller.tell(Verdict::Rewritten(Err(failure)), true);
+            return;
+        }
         let mut writes = Vec::new();
         sessions.iter().for_each(|(key, parts)| write(*key, parts, &mut writes));
         writes.extend(self.heartbeat.map(beat));
@@ -258,7 +269,7 @@ impl Writer {
             self.heartbeat = None;
             self.last_commit = machine::now();
         }
-        self.mouth.tell(Verdict::Rewritten(written), true);
+        self.teller.tell(Verdict::Rewritten(written), true);
     }
 
     /// Looks from time to time whether the store is where it was: what can't be found by the next start

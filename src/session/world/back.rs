@@ -9,56 +9,52 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use firn_engine::frame::{EngineError, Slot};
-use firn_engine::made::{Made, Maker};
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
-use tracing::{debug, error, info, warn};
+use firn_engine::made::Made;
+use tracing::{error, info, warn};
 
 use crate::machine;
 use crate::session::error::{Invalid, SessionError};
 use crate::session::handle::Session;
-use crate::session::journal::{Log, Part, Replay, Stored};
-use crate::session::message::Message;
+use crate::session::journal::{Anchor, Exact, Log, Part, Replay, Stored};
 use crate::session::object_rows::ObjectRows;
 use crate::session::portion::Portions;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
-use crate::session::spec::Limits;
 
 use super::engine::Engine;
-use super::frame::caught;
-
-/// Cells that are on their way back at a time, unless one session has more.
-const WAVE: u64 = 16 << 20;
+use super::reading::{Decoded, Read};
 
 /// A session on its way back.
 pub(super) struct Coming {
     session: Arc<Session>,
-    stored: Stored,
-    stage: Stage,
+    pub stored: Stored,
+    pub stage: Stage,
     /// The server has just been started: the mirror knows no heights, and nobody the session.
     at_start: bool,
-    /// What has to be written before it comes back, beside its mark.
+    /// What has to be written before it comes back.
     first: Vec<Part>,
+    /// Somebody asks for it.
+    pub asked: bool,
 }
 
 /// How far it has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
+pub(super) enum Stage {
     /// Its turn will come.
-    Waits,
+    Queued,
     /// What is stored of it is being read.
-    IsRead,
+    Reading,
     /// It goes through what has happened since its checkpoint.
-    Replays,
+    Replaying,
     /// The coming frame shows what has come of that.
-    Shows,
+    Publishing,
 }
 
 impl Coming {
     /// Of a session that was stored when the server was started; `first` has to be written before it comes
     /// back.
     pub fn at_start(session: Arc<Session>, stored: Stored, first: Vec<Part>) -> Coming {
-        Coming { session, stored, stage: Stage::Waits, at_start: true, first }
+        Coming { session, stored, stage: Stage::Queued, at_start: true, first, asked: false }
     }
 
     /// The session.
@@ -66,48 +62,20 @@ impl Coming {
         &self.session
     }
 
-    /// How far it has come, for the journal: its time stands still from there.
-    fn mark(&self) -> Part {
-        Part::Mark(self.stored.mark.clone())
-    }
-
-    /// The same, with what has to be written before it comes back.
+    /// What has to be written before it comes back.
     pub fn begin(&mut self) -> (u64, Vec<Part>) {
-        let mut parts = std::mem::take(&mut self.first);
-        parts.push(self.mark());
-        (self.session.key, parts)
+        (self.session.key, std::mem::take(&mut self.first))
     }
 
-    fn cells(&self) -> u64 {
+    /// Tick that it comes back at.
+    pub fn tick(&self) -> u64 {
+        self.stored.anchor.tick
+    }
+
+    /// Cells that it has.
+    pub fn cells(&self) -> u64 {
         self.session.spec.grid.padded_cells()
     }
-}
-
-/// A session as it was stored, ready to be taken in.
-pub(in crate::session) struct Decoded {
-    snapshot: Option<Snapshot>,
-    made: Made,
-}
-
-impl Decoded {
-    /// Reads what is stored of a session. That takes memory and a while; any thread does it.
-    ///
-    /// # Errors
-    /// Where it can't be read, or there is no memory for it.
-    fn new(session: &Session, stored: &Stored, maker: Maker) -> Result<Decoded, SessionError> {
-        let checkpoint = stored.checkpoint.as_ref();
-        let snapshot = checkpoint.map(|saved| Snapshot::decode(&saved.snapshot, &Limits::NONE));
-        let snapshot = snapshot.transpose()?;
-        let made = maker.make(Simulation::layout(&session.spec))?;
-        Ok(Decoded { snapshot, made })
-    }
-}
-
-/// What was read of a session, in the life that it is of.
-pub(in crate::session) struct Read {
-    pub key: u64,
-    pub life: u64,
-    pub decoded: Result<Decoded, SessionError>,
 }
 
 /// What a session takes of the device.
@@ -120,9 +88,8 @@ pub(super) struct Room {
 }
 
 impl Engine {
-    /// Has a session come back to what is stored of it, at a tick or later. What its earlier life still does
-    /// is void.
-    pub(super) fn come_back(&mut self, session: Arc<Session>, tick: u64) {
+    /// Has a session come back to what is stored of it. What its earlier life still does is void.
+    pub(super) fn come_back(&mut self, session: Arc<Session>) {
         let key = session.key;
         let Some(record) = self.records.get_mut(&key) else {
             // It was still being made.
@@ -130,62 +97,34 @@ impl Engine {
             return;
         };
         record.life += 1;
-        let mut stored = record.present();
-        // Its time stands still until it is back.
-        stored.mark.rest = None;
-        stored.mark.tick = stored.mark.tick.max(tick);
+        let stored = record.present();
         let before = self.coming.remove(&key);
         let (at_start, first) = before.map_or((false, Vec::new()), |it| (it.at_start, it.first));
-        self.coming.insert(key, Coming { session, stored, stage: Stage::Waits, at_start, first });
+        let (stage, asked) = (Stage::Queued, false);
+        self.coming.insert(key, Coming { session, stored, stage, at_start, first, asked });
         self.queue.push_back(key);
     }
 
-    /// Has those whose turn it is read what is stored of them.
-    pub(super) fn read_next(&mut self) {
-        let under_way = |coming: &&Coming| coming.stage != Stage::Waits;
-        let mut cells = 0;
-        if !self.queue.is_empty() {
-            cells = self.coming.values().filter(under_way).map(Coming::cells).sum();
-        }
-        let mut wave = Vec::new();
-        while let Some(&key) = self.queue.front() {
-            let waits = |coming: &&mut Coming| coming.stage == Stage::Waits;
-            let Some(coming) = self.coming.get_mut(&key).filter(waits) else {
-                self.queue.pop_front();
-                continue;
+    /// Has a session come back that has come to a tick, as far as its snow tells, and has perhaps published what
+    /// nobody will find again: until a checkpoint is stored, only what was stored by then counts as known after
+    /// a restart.
+    pub(super) fn go_back_from(&mut self, session: Arc<Session>, tick: u64) {
+        let frame = self.frame;
+        let clock = session.mirror().clock_at(frame);
+        session.stand_still(clock);
+        if let Some(record) = self.records.get(&session.key) {
+            let present = record.present();
+            let anchor = present.anchor;
+            let exact = match anchor.exact {
+                Exact::Fixed(seq) => Exact::Fixed(seq),
+                Exact::Runs | Exact::Stands(_) => Exact::Fixed(record.stored.newest_seq()),
             };
-            if cells > 0 && cells + coming.cells() > WAVE {
-                break;
-            }
-            self.queue.pop_front();
-            cells += coming.cells();
-            coming.stage = Stage::IsRead;
-            debug!(session = coming.session.id, "comes back");
-            let life = self.records.get(&key).map_or(0, |record| record.life);
-            wave.push((coming.session.clone(), coming.stored.clone(), life));
+            // A pause or a reset that is taken back tells nothing of the time before it.
+            let latest = present.tick_at(frame);
+            let tick = if (anchor.tick..=latest).contains(&tick) { tick } else { latest };
+            self.submit_anchor(session.key, Anchor { tick, frame, rate: 0.0, exact, ..anchor });
         }
-        if !wave.is_empty() {
-            self.read(wave);
-        }
-    }
-
-    fn read(&self, wave: Vec<(Arc<Session>, Stored, u64)>) {
-        let maker = self.backend.maker();
-        let decode = move |(session, stored, life): (Arc<Session>, Stored, u64)| {
-            let decoded = caught(|| Decoded::new(&session, &stored, maker)).unwrap_or_else(|| {
-                Err(SessionError::Internal("reading its checkpoint failed".to_owned()))
-            });
-            Read { key: session.key, life, decoded }
-        };
-        let world = wave.first().map(|(session, ..)| session.world.clone());
-        let work = move || {
-            let read = wave.into_par_iter().map(decode).collect();
-            if let Some(world) = world {
-                // Where the world has ended, nobody waits for it.
-                let _ = world.blocking_send(Message::Read(read));
-            }
-        };
-        machine::aside(Box::new(work), |work| drop(self.clock.spawn_blocking(work)));
+        self.come_back(session);
     }
 
     /// Takes in sessions that were read, and begins to restore them.
@@ -195,7 +134,7 @@ impl Engine {
     pub(super) fn take_in_all(&mut self, read: Vec<Read>) -> Result<(), EngineError> {
         for Read { key, life, decoded } in read {
             if self.records.get(&key).is_some_and(|record| record.life == life)
-                && self.coming.get(&key).is_some_and(|coming| coming.stage == Stage::IsRead)
+                && self.coming.get(&key).is_some_and(|coming| coming.stage == Stage::Reading)
             {
                 self.begin_life(key, decoded)?;
             }
@@ -216,10 +155,13 @@ impl Engine {
     ) -> Result<(), EngineError> {
         let room = match decoded {
             Ok(Decoded { snapshot, made }) => {
-                self.take_in(snapshot.as_ref(), made).map(|room| (room, snapshot))
+                let room = made.and_then(|made| self.take_in(snapshot.as_ref(), made));
+                (room, snapshot)
             }
-            Err(SessionError::OutOfMemory(why) | SessionError::NoMemory(why)) => {
-                Err(EngineError::OutOfMemory(why))
+            // A start needs what is stored to tell anybody of the session.
+            Err(SessionError::NoMemory(why)) if !self.is_at_start(key) => {
+                self.hibernate_on(key, None, why);
+                return Ok(());
             }
             Err(why) => {
                 self.set_aside(key, &why);
@@ -227,27 +169,22 @@ impl Engine {
             }
         };
         let (Room { slot, object_rows, units }, snapshot) = match room {
-            Ok(room) => room,
-            Err(EngineError::OutOfMemory(why)) => {
-                self.hibernate_on(key, why);
+            (Ok(room), snapshot) => (room, snapshot),
+            (Err(EngineError::OutOfMemory(why)), snapshot) => {
+                self.hibernate_on(key, snapshot.as_ref(), why);
                 return Ok(());
             }
-            Err(failure) => return Err(failure),
+            (Err(failure), _) => return Err(failure),
         };
         let (Some(coming), Some(record)) = (self.coming.get_mut(&key), self.records.get(&key))
         else {
             return Ok(());
         };
-        coming.stage = Stage::Replays;
+        coming.stage = Stage::Replaying;
         let (session, stored, at_start) =
             (coming.session.clone(), coming.stored.clone(), coming.at_start);
         session.hibernating.store(false, Ordering::Relaxed);
-        let mut log = Log::resumed(record, &stored);
-        if !at_start {
-            // What was published after the last mark is a future that will not be.
-            let lost = log.lose(stored.mark.seq + 1, session.mirror().seq);
-            session.set_lost_seqs(lost);
-        }
+        let log = Log::resumed(record, &stored);
         let mut simulation = Simulation::new(session, slot, self.frame, log, object_rows);
         simulation.brought_back = !at_start;
         if !self.vitals.is_recovered() {
@@ -285,15 +222,17 @@ impl Engine {
     }
 
     /// Leaves a session hibernating for which there is no room.
-    fn hibernate_on(&mut self, key: u64, why: String) {
+    fn hibernate_on(&mut self, key: u64, saved: Option<&Snapshot>, why: String) {
         let Some(coming) = self.coming.get(&key) else { return };
-        let (session, mark) = (coming.session.clone(), coming.mark());
+        let session = coming.session.clone();
+        if let Some(saved) = saved.filter(|_| coming.at_start) {
+            session.show_saved(saved);
+        }
         warn!(session = session.id, "it goes on hibernating: {why}");
         session.hibernating.store(true, Ordering::Relaxed);
         self.refuse_mail(key, &SessionError::OutOfMemory(why));
         self.hibernating.insert(key, session);
         self.count_hibernating();
-        self.submit_parts(key, vec![mark], None);
         self.is_back(key);
     }
 
@@ -312,7 +251,7 @@ impl Engine {
 
     /// Has sessions that are being restored do so in the next frame.
     pub(super) fn feed_coming(&mut self) {
-        for key in self.coming_at(Stage::Replays) {
+        for key in self.coming_at(Stage::Replaying) {
             if self.guard(key, Simulation::feed_replay).is_some() {
                 self.simulations.set_active(key, true);
             }
@@ -321,14 +260,14 @@ impl Engine {
 
     /// Takes in what a frame has done of sessions that are being restored.
     pub(super) fn advance_coming(&mut self) {
-        for key in self.coming_at(Stage::Shows) {
+        for key in self.coming_at(Stage::Publishing) {
             if self.guard(key, |simulation| !simulation.unpublished) == Some(true) {
                 self.is_back(key);
                 self.review(key);
             }
         }
         let frame = self.frame;
-        for key in self.coming_at(Stage::Replays) {
+        for key in self.coming_at(Stage::Replaying) {
             // Where it had to wait for another frame, nothing of it is done.
             let advance = |sim: &mut Simulation| {
                 let done = sim.next.edits.is_empty() && sim.advance_replay();
@@ -340,13 +279,33 @@ impl Engine {
             if self.guard(key, advance) == Some(true)
                 && let Some(coming) = self.coming.get_mut(&key)
             {
-                coming.stage = Stage::Shows;
+                coming.stage = Stage::Publishing;
                 self.simulations.set_active(key, true);
             }
         }
-        let moves = |coming: &Coming| matches!(coming.stage, Stage::Replays | Stage::Shows);
-        self.busy |= self.has_mail() || self.coming.values().any(moves);
+        // Who has to wait for a share has time until the next beat.
+        let waits = |coming: &Coming| {
+            let tenant = coming.session.tenant.as_ref();
+            tenant.is_some_and(|tenant| tenant.is_over_its_share(frame))
+        };
+        let moves = |coming: &Coming| matches!(coming.stage, Stage::Replaying | Stage::Publishing);
+        let mut coming = self.coming.values();
+        self.busy |= coming.any(|coming| moves(coming) && !waits(coming)) || self.has_mail();
         self.recover();
+    }
+
+    fn is_at_start(&self, key: u64) -> bool {
+        self.coming.get(&key).is_some_and(|coming| coming.at_start)
+    }
+
+    /// Notes that somebody asks for a session, where it waits for its turn to come back: it comes before those
+    /// that nobody asks for.
+    pub(super) fn ask_for(&mut self, key: u64) {
+        let waits = |coming: &&mut Coming| coming.stage == Stage::Queued && !coming.asked;
+        if let Some(coming) = self.coming.get_mut(&key).filter(waits) {
+            coming.asked = true;
+            self.asked.push_back(key);
+        }
     }
 
     fn coming_at(&self, stage: Stage) -> Vec<u64> {

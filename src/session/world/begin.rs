@@ -1,7 +1,19 @@
-//! The beginning of a life of the server.
+//! The beginning of a life of the server: what outlived the last one begins another epoch, and is on its way
+//! back.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use firn_engine::frame::DeviceInfo;
+use tracing::{info, warn};
+
+use crate::machine;
 use crate::session::error::SessionError;
+use crate::session::handle::Session;
+use crate::session::journal::{Anchor, Exact, Heartbeat, Part, Record, Stored};
 use crate::session::message::Message;
+use crate::session::once::Done;
+use crate::session::registry::Sessions;
 
 use super::back::Coming;
 use super::engine::Engine;
@@ -46,4 +58,88 @@ impl Engine {
         }
         true
     }
+}
+
+/// A number that tells devices apart that may give other snow.
+pub(super) fn fingerprint(device: &DeviceInfo) -> u64 {
+    let text = format!("{}\n{}\n{}", device.adapter, device.backend, env!("CARGO_PKG_VERSION"));
+    let hash = blake3::hash(text.as_bytes());
+    u64::from_le_bytes(*hash.as_bytes().first_chunk().expect("a hash has more bytes"))
+}
+
+/// Begins another epoch of a session that outlived the last stop. Returns what has to be written of that.
+fn begin_epoch(stored: &mut Stored, heartbeat: Heartbeat, adapter: u64) -> Vec<Part> {
+    let newest_entry = stored.entries.back().map_or(0, |entry| entry.seq);
+    let saved = stored.checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.seq);
+    let mut durable = stored.anchor.durable(heartbeat, newest_entry).max(saved);
+    // What was migrated from the first format does not say on which one it was.
+    if ![adapter, 0].contains(&stored.anchor.adapter) {
+        // What has happened since may come out otherwise there.
+        durable = durable.min(saved);
+        stored.epochs.bound(saved);
+    }
+    stored.epochs.begin(machine::ulid(), durable);
+    let first = stored.epochs.first_seq();
+    let (tick, exact) = (stored.tick_at(heartbeat.frame), Exact::Stands(first));
+    let mut anchor = Anchor { tick, frame: heartbeat.frame, rate: 0.0, offset: 0, exact, adapter };
+    anchor.set_seq(heartbeat.round, first);
+    stored.anchor = anchor;
+    vec![Part::Epochs(stored.epochs.clone()), Part::Anchor(anchor)]
+}
+
+/// Sessions that outlived the last stop, with mirrors that know of which seqs they are: each begins another
+/// epoch.
+pub(super) fn bring_back(
+    sessions: &Sessions,
+    stored: BTreeMap<u64, Stored>,
+    heartbeat: Heartbeat,
+    adapter: u64,
+) -> (BTreeMap<u64, Record>, BTreeMap<u64, Coming>) {
+    if !stored.is_empty() {
+        info!("bringing back {} sessions", stored.len());
+    }
+    let mut coming = BTreeMap::new();
+    let mut records = BTreeMap::new();
+    for (key, mut stored) in stored {
+        let mut first = begin_epoch(&mut stored, heartbeat, adapter);
+        let identity = (*stored.identity).clone();
+        let (origin, epochs) = (stored.origin.clone(), stored.epochs.clone());
+        let made = Session::identified(sessions, key, identity, epochs, origin)
+            .and_then(|session| Ok((session, stored.pause()?)));
+        let (session, paused) = match made {
+            Ok(made) => made,
+            Err(why) => {
+                let id = &stored.identity.id;
+                warn!("session '{id}' stays stored and is not brought back: {why}");
+                sessions.vitals().store.lost(1);
+                continue;
+            }
+        };
+        first.extend(paused);
+        if stored.lock.is_some() {
+            session.set_locked(true);
+            warn!(
+                "session '{}' may have been deleted, as the store was damaged or a deletion was cut off: \
+                 it is paused and locked until an administrator unlocks or deletes it",
+                session.id
+            );
+            sessions.vitals().store.note_revived();
+        }
+        let versions = stored.checkpoint.as_ref().map(|saved| &saved.versions[..]);
+        session.go_on_from(stored.epochs.first_seq(), versions);
+        stored.weigh();
+        records.insert(key, Record::of(stored.clone(), session.receipts.clone()));
+        coming.insert(key, Coming::at_start(Arc::new(session), stored, first));
+    }
+    (records, coming)
+}
+
+/// Requests that carried a key, of all sessions, the oldest first.
+pub(super) fn ages(records: &BTreeMap<u64, Record>) -> Vec<(u64, Arc<Done>)> {
+    let done = |(&key, record): (&u64, &Record)| {
+        record.stored.done.iter().map(|done| (key, done.clone())).collect::<Vec<_>>()
+    };
+    let mut ages: Vec<(u64, Arc<Done>)> = records.iter().flat_map(done).collect();
+    ages.sort_by_key(|(_, done)| (done.at_ms, done.key));
+    ages
 }

@@ -54,6 +54,10 @@ pub(super) struct Engine {
     pub(super) vitals: Arc<Vitals>,
     pub(super) frames: Arc<AtomicU64>,
     pub(super) frame: u64,
+    /// Frames of the device so far.
+    pub(super) round: u64,
+    /// Fingerprint of what carries frames out.
+    pub(super) adapter: u64,
     /// Frame in which sessions were last looked after.
     pub(super) looked_after: u64,
     pub(super) next_beat: Instant,
@@ -72,6 +76,8 @@ pub(super) struct Engine {
     /// Sessions that are on their way back, and the order in which they come.
     pub(super) coming: BTreeMap<u64, Coming>,
     pub(super) queue: VecDeque<u64>,
+    /// Those of them that somebody asks for.
+    pub(super) asked: VecDeque<u64>,
     /// When the server was started.
     pub(super) began: Instant,
     /// What sessions come back from.
@@ -203,7 +209,7 @@ impl Engine {
         let active = simulation.wants_frames();
         self.simulations.set_active(key, active);
         if !active {
-            self.mark(key);
+            self.anchor(key);
             self.schedule(key);
         }
     }

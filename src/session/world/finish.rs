@@ -17,7 +17,7 @@ use super::engine::Engine;
 const LAST_CHECKPOINTS: u64 = 4 << 20;
 
 impl Engine {
-    /// Writes the last marks and checkpoints, where it was told to stop.
+    /// Writes how far all have come, and the last checkpoints, where it was told to stop.
     pub(super) fn finish(&mut self) {
         let Some(deadline) = self.stop.filter(|_| self.journal.durable) else { return };
         let began = machine::now();
@@ -29,7 +29,7 @@ impl Engine {
             self.remove(key, &why);
         }
         self.stand_still(deadline);
-        self.mark_all();
+        self.anchor_all();
         let mut left = self.sound_ones(|simulation| !simulation.log.is_covered());
         let (count, mut made) = (left.len(), 0);
         while !left.is_empty() && machine::now() < deadline && self.storage.refusal().is_none() {

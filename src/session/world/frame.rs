@@ -30,6 +30,7 @@ impl Engine {
         let mut lap = Lap(machine::now());
         let turn = Turn {
             frame: self.frame,
+            round: self.round + 1,
             publish,
             sleep: self.config.sleep,
             slipped_us: &self.vitals.slipped_us,
@@ -44,6 +45,7 @@ impl Engine {
         let mut time = FrameTime { sessions: part.len() as u32, ..FrameTime::default() };
         time.parts.planning = lap.next();
         if !part.is_empty() {
+            self.round = turn.round;
             self.backend.submit(Frame { work })?;
             time.parts.submitting = lap.next();
             let outcome = loop {

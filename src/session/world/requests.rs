@@ -10,7 +10,7 @@ use tracing::warn;
 use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
-use crate::session::journal::{Identity, Log, Part};
+use crate::session::journal::{Anchor, Identity, Log, Part};
 use crate::session::message::{Control, Message};
 use crate::session::once::Done;
 use crate::session::orders::Reply;
@@ -89,7 +89,11 @@ impl Engine {
             }
         };
         let key = session.key;
-        let log = Log::created(Arc::new(session.identity()), session.origin.clone(), done);
+        let mut anchor = Anchor { adapter: self.adapter, ..Anchor::default() };
+        anchor.set_seq(self.round, session.epochs.first_seq());
+        let identity = Arc::new(session.identity());
+        let (origin, epochs) = (session.origin.clone(), session.epochs.clone());
+        let log = Log::created(identity, origin, epochs, anchor, done);
         let mut simulation = Simulation::new(session, slot, self.frame, log, object_rows);
         simulation.portions.furnish(units);
         self.simulations.insert(key, simulation);

@@ -13,8 +13,8 @@ pub(super) struct Simulations {
     all: Vec<Option<Box<Simulation>>>,
     free: BTreeSet<usize>,
     active: BTreeSet<usize>,
-    /// Those whose marks say that they are at rest.
-    at_rest: BTreeSet<usize>,
+    /// Those whose anchors say that their time goes on.
+    ticking: BTreeSet<usize>,
 }
 
 impl Simulations {
@@ -43,7 +43,7 @@ impl Simulations {
     pub fn remove(&mut self, key: &u64) -> Option<Box<Simulation>> {
         let place = self.places.remove(key)?;
         self.active.remove(&place);
-        self.at_rest.remove(&place);
+        self.ticking.remove(&place);
         self.free.insert(place);
         self.all[place].take()
     }
@@ -54,15 +54,15 @@ impl Simulations {
         set(&mut self.active, place, active);
     }
 
-    /// Says whether a simulation's mark says that it is at rest.
-    pub fn set_at_rest(&mut self, key: u64, at_rest: bool) {
+    /// Says whether a simulation's anchor says that its time goes on.
+    pub fn set_ticking(&mut self, key: u64, ticking: bool) {
         let Some(&place) = self.places.get(&key) else { return };
-        set(&mut self.at_rest, place, at_rest);
+        set(&mut self.ticking, place, ticking);
     }
 
-    /// Whether any mark says so.
-    pub fn is_any_at_rest(&self) -> bool {
-        !self.at_rest.is_empty()
+    /// Whether any anchor says so.
+    pub fn is_any_ticking(&self) -> bool {
+        !self.ticking.is_empty()
     }
 
     /// Keys of those that want to be in the coming frames and whose turn it is in this one: each is

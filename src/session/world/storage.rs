@@ -12,9 +12,10 @@ use crate::machine;
 use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::journal::{
-    Append, Checkpoint, Mark, Part, Pending, Record, Verdict, unstorable,
+    Anchor, Append, Checkpoint, Part, Pending, Record, Verdict, unstorable,
 };
 use crate::session::receipt::Receipts;
+use crate::session::simulation::Simulation;
 use crate::store::StoreError;
 
 use super::engine::Engine;
@@ -33,8 +34,10 @@ pub(super) struct Storage {
     failure: Option<StoreError>,
     /// Sessions that it may hold wrongly.
     spoiled: BTreeSet<u64>,
-    /// Sessions that are being written anew, and how far they had come.
-    rewriting: Option<BTreeMap<u64, Mark>>,
+    /// Sessions that are being written anew: how far they had come by their records, and by what is written.
+    rewriting: Option<BTreeMap<u64, Option<[Anchor; 2]>>>,
+    /// Rejections that were heard of.
+    heard: u64,
     next_attempt: Option<Instant>,
     /// Appends that nothing has been heard of.
     under_way: usize,
@@ -77,15 +80,18 @@ impl Engine {
     /// Hands something of a session to the journal. Who waits for it is answered when it is durable.
     pub(super) fn submit(&mut self, append: Append, replies: Vec<Answer<()>>) {
         let key = append.key;
-        if let Some(Part::Create(identity, origin)) = append.parts.first() {
+        if let Some(Part::Create(identity, origin, epochs)) = append.parts.first() {
             let receipts = append.receipts.clone();
-            let record = || Record::new(identity.clone(), origin.clone(), receipts);
-            self.records.entry(key).or_insert_with(record);
+            let record = || Record::new(identity.clone(), origin.clone(), epochs.clone(), receipts);
+            self.records.entry(key).or_insert_with(record).stored.weigh();
         }
         let Some(record) = self.records.get_mut(&key).filter(|record| !record.is_leaving()) else {
             replies.into_iter().for_each(|reply| reply.refuse(&gone()));
             return;
         };
+        if self.storage.dead {
+            append.receipts.end(&nobody_knows());
+        }
         record.push(&append, replies);
         if let Some(simulation) = self.simulations.get_mut(&key) {
             simulation.log.go_on_from(append.position);
@@ -115,8 +121,7 @@ impl Engine {
         if self.journal.is_dead() && !self.storage.dead {
             self.storage.dead = true;
             self.vitals.store.set_healthy(false);
-            let why = "the thread that stores changes has died: only a restart tells whether this one is stored";
-            let why = SessionError::Internal(why.to_owned());
+            let why = nobody_knows();
             self.records.values().for_each(|record| record.receipts().end(&why));
         }
         while let Some(verdict) = self.journal.told() {
@@ -136,6 +141,7 @@ impl Engine {
             }
             Verdict::Failed(appends, failure) => {
                 self.storage.under_way -= appends.len();
+                self.storage.heard += 1;
                 self.fail(&failure);
                 self.take_back(&appends, &unstorable(&failure));
             }
@@ -146,8 +152,11 @@ impl Engine {
 
     /// What is on its way of a session up to a position is durable.
     fn confirm(&mut self, key: u64, position: u64) {
+        let answered = self.answered.clone();
         let Some(record) = self.records.get_mut(&key) else { return };
-        for Pending { life, parts, replies, .. } in record.confirm(position) {
+        for Pending { life, parts, replies, .. } in
+            record.confirm(position, |done| answered.is_over(done))
+        {
             for part in &*parts {
                 match part {
                     Part::Checkpoint(_) => self.checkpointed(key, life, true),
@@ -189,6 +198,7 @@ impl Engine {
             }
             match range {
                 Some(range) if exists => {
+                    receipts.take_back(range);
                     back.push(key);
                     let taken_back = self.storage.taken_back.entry(key).or_default();
                     taken_back.push((receipts, range, why.clone()));
@@ -225,6 +235,16 @@ impl Engine {
         self.records.remove(&key);
     }
 
+    /// Notes how far a session has come that goes back: at once, or with what is written anew.
+    pub(super) fn submit_anchor(&mut self, key: u64, anchor: Anchor) {
+        if self.storage.failure.is_none() {
+            self.submit_parts(key, vec![Part::Anchor(anchor)], None);
+        } else if let Some(record) = self.records.get_mut(&key) {
+            record.stored.anchor = anchor;
+            self.storage.spoiled.insert(key);
+        }
+    }
+
     fn fail(&mut self, failure: &StoreError) {
         let gone = |failure: &StoreError| matches!(failure, StoreError::Gone(_));
         let before = self.storage.failure.replace(failure.clone());
@@ -239,46 +259,52 @@ impl Engine {
 
     /// Has the beginning of this life written: where each session stands.
     pub(super) fn begin_record(&mut self, begun: Vec<(u64, Vec<Part>)>) {
-        self.storage.spoiled = begun.iter().map(|(key, _)| *key).collect();
-        self.storage.rewriting = Some(BTreeMap::new());
-        self.journal.rewrite(begun, self.frame);
+        self.storage.rewriting = Some(begun.iter().map(|(key, _)| (*key, None)).collect());
+        let heartbeat = self.heartbeat();
+        self.journal.rewrite(begun, heartbeat, self.storage.heard);
     }
 
     /// Has everything written anew that the store may hold wrongly.
     pub(super) fn rewrite(&mut self) {
         self.storage.next_attempt = None;
-        let (mut sessions, mut marks) = (Vec::new(), BTreeMap::new());
-        for &key in &self.storage.spoiled {
+        let (mut sessions, mut rewriting) = (Vec::new(), BTreeMap::new());
+        for key in std::mem::take(&mut self.storage.spoiled) {
             let Some(record) = self.records.get(&key).filter(|record| record.exists) else {
                 sessions.push((key, vec![Part::Delete]));
+                rewriting.insert(key, None);
                 continue;
             };
             let mut stored = record.stored.clone();
-            stored.done.retain(|done| !self.answered.is_over(done));
-            let present = self.simulations.get(&key).and_then(|sim| sim.present_mark());
-            if let Some(mark) = present.filter(|mark| mark.next == stored.next()) {
-                stored.mark = mark;
+            let here = |sim: &&Simulation| sim.log.next() == stored.next() && sim.replay.is_none();
+            if let Some(simulation) = self.simulations.get(&key).filter(here) {
+                stored.anchor = simulation.anchor();
             }
             sessions.push((key, stored.parts()));
-            marks.insert(key, stored.mark);
+            rewriting.insert(key, Some([record.stored.anchor, stored.anchor]));
         }
-        self.storage.rewriting = Some(marks);
-        self.journal.rewrite(sessions, self.frame);
+        self.storage.rewriting = Some(rewriting);
+        let heartbeat = self.heartbeat();
+        self.journal.rewrite(sessions, heartbeat, self.storage.heard);
     }
 
     fn rewritten(&mut self, result: Result<(), StoreError>) {
-        let marks = self.storage.rewriting.take().unwrap_or_default();
+        let rewriting = self.storage.rewriting.take().unwrap_or_default();
         if let Err(failure) = result {
+            self.storage.spoiled.extend(rewriting.into_keys());
             self.fail(&failure);
             return;
         }
-        for (key, mark) in marks {
-            if let Some(record) = self.records.get_mut(&key) {
-                record.stored.mark = mark;
+        for (key, anchors) in rewriting {
+            if let Some([before, written]) = anchors
+                && let Some(record) = self.records.get_mut(&key)
+                && record.stored.anchor == before
+            {
+                record.stored.anchor = written;
             }
         }
-        self.storage.spoiled.clear();
-        self.storage.next_attempt = None;
+        // What has come meanwhile is written next.
+        let more = !self.storage.spoiled.is_empty();
+        self.storage.next_attempt = more.then(machine::now);
         if self.storage.failure.take().is_some() {
             info!("the store can be written to again; changes are taken");
             self.vitals.store.set_gone(false);
@@ -289,7 +315,9 @@ impl Engine {
     /// Hands a checkpoint over that was made of a session's snapshot.
     fn packed(&mut self, key: u64, life: u64, checkpoint: Option<Arc<Checkpoint>>) {
         let lives = self.simulations.get(&key).is_some_and(|sim| sim.log.life() == life);
-        match checkpoint.filter(|_| lives && self.storage.failure.is_none()) {
+        // Of a session that is being deleted nothing more is stored.
+        let keeps = lives && self.storage.failure.is_none() && !self.is_leaving(key);
+        match checkpoint.filter(|_| keeps) {
             Some(checkpoint) => self.submit_parts(key, vec![Part::Checkpoint(checkpoint)], None),
             None => self.checkpointed(key, life, false),
         }
@@ -298,4 +326,10 @@ impl Engine {
 
 fn unavailable() -> SessionError {
     SessionError::Unavailable("changes can't be stored any more: only a restart helps".to_owned())
+}
+
+fn nobody_knows() -> SessionError {
+    let why =
+        "the thread that stores changes has died: only a restart tells whether this one is stored";
+    SessionError::Internal(why.to_owned())
 }

@@ -157,7 +157,7 @@ impl Engine {
         // What was read for the old device is of no use on another.
         let coming: Vec<Arc<Session>> =
             self.coming.values().map(|coming| coming.session().clone()).collect();
-        coming.into_iter().for_each(|session| self.come_back(session, 0));
+        coming.into_iter().for_each(|session| self.come_back(session));
         for (_, simulation) in std::mem::take(&mut self.simulations).into_iter() {
             self.evict(simulation, &why);
         }

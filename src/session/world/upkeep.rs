@@ -1,4 +1,4 @@
-//! What sessions need from time to time: marks, checkpoints, hibernation, and an end.
+//! What sessions need from time to time: anchors, checkpoints, hibernation, and an end.
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -15,7 +15,6 @@ use crate::session::handle::Session;
 use crate::session::journal::{Left, Part, Record};
 use crate::session::simulation::Simulation;
 
-use super::back::Coming;
 use super::engine::Engine;
 use super::requests::gone;
 
@@ -38,7 +37,7 @@ impl Engine {
             return;
         }
         self.looked_after = self.frame;
-        self.mark_some();
+        self.anchor_some();
         let now = machine::now();
         for _ in 0..MOST_ENDS {
             let Some(key) = self.ends.pop_due(now) else { break };
@@ -140,8 +139,8 @@ impl Engine {
             self.submit(append, Vec::new());
         }
         if let Some(simulation) = self.simulations.get(&key) {
-            let rests = simulation.log.rests();
-            self.simulations.set_at_rest(key, rests);
+            let ticks = simulation.log.ticks();
+            self.simulations.set_ticking(key, ticks);
         }
         if let Some((life, base, taken)) = left.checkpoint {
             self.journal.checkpoint(key, life, base, taken);
@@ -158,8 +157,9 @@ impl Engine {
                 self.backend.release(simulation.slot);
                 self.slots.give_back(simulation.slot);
                 self.evict(simulation, &why);
-            } else if let Some(session) = self.coming.get(key).map(Coming::session).cloned() {
-                self.come_back(session, 0);
+            } else if let Some(coming) = self.coming.get(key) {
+                let (session, tick) = (coming.session().clone(), coming.tick());
+                self.go_back_from(session, tick);
             }
         }
     }
@@ -172,14 +172,17 @@ impl Engine {
             self.checkpointing = None;
         }
         self.fallen.retain(|fallen| *fallen != key);
-        if let Some(position) = simulation.log.unkept()
-            && let Some(record) = self.records.get_mut(&key)
-        {
-            record.position = position;
-            record.receipts().refuse((position, position), why);
+        // What it has told of and not handed over never will be durable.
+        let (last, record) = (simulation.log.last_told(), self.records.get_mut(&key));
+        let handed_over = record.as_ref().map_or(0, |record| record.position);
+        if last > handed_over {
+            session.receipts.refuse((handed_over + 1, last), why);
+        }
+        if let Some(record) = record {
+            record.position = record.position.max(last);
         }
         simulation.refuse_all(why);
-        self.come_back(session, until);
+        self.go_back_from(session, until);
     }
 
     pub(super) fn checkpointed(&mut self, key: u64, life: u64, stored: bool) {
@@ -192,7 +195,9 @@ impl Engine {
         if self.checkpointing == Some(key) {
             self.checkpointing = None;
         }
-        if !stored {
+        if stored {
+            simulation.log.release();
+        } else {
             simulation.log.uncover(base);
         }
         if self.stop.is_some() {
@@ -222,12 +227,9 @@ impl Engine {
             self.go_back(&[key]);
         } else if let Some(session) = self.hibernating.remove(&key) {
             self.count_hibernating();
-            self.come_back(session, 0);
+            self.come_back(session);
         }
-        // Whoever is asked for comes before all others.
-        if self.coming.contains_key(&key) {
-            self.queue.push_front(key);
-        }
+        self.ask_for(key);
     }
 
     /// Frees the memory of a session whose checkpoint is its state, unless somebody comes just then.

@@ -42,9 +42,7 @@ fn begin(wish: &Subscribe, now: Instant) -> Result<Subscription, SessionError> {
     let encoded = EncodedTiles::default();
     let source = Source {
         grid: mirror().grid,
-        epoch: "e",
-        seq: 5,
-        lost: &[],
+        recovers: &|resume| resume.epoch == "e" && (1..=5).contains(&resume.seq),
         protocol: SubProtocol::Json,
         encoded: &encoded,
     };
@@ -79,9 +77,7 @@ fn a_large_message_waits_for_memory_and_gives_it_back() {
     let encoded = EncodedTiles::default();
     let source = Source {
         grid,
-        epoch: "e",
-        seq: 5,
-        lost: &[],
+        recovers: &|resume| resume.epoch == "e" && (1..=5).contains(&resume.seq),
         protocol: SubProtocol::Json,
         encoded: &encoded,
     };

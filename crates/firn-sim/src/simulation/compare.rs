@@ -123,7 +123,7 @@ impl Simulation {
             let mass = session.mass().await?;
             Ok((session.view(), mass, session.mirror().colliders.clone()))
         };
-        let found = match self
+        let (found, tick) = match self
             .wait("masses", look)
             .map_err(|why| format!("session '{name}': {why}"))?
         {
@@ -133,20 +133,21 @@ impl Simulation {
                 }
                 let fallen = (mass.fallen / grid.kilograms(1)).round() as u128;
                 let objects = objects.iter();
-                Some(State {
+                let state = State {
                     fallen,
                     air: view.settings.air_temperature as i32,
                     paused: view.settings.paused,
                     objects: objects
                         .map(|object| (object.id.parse().unwrap_or(u8::MAX), object.mass as u32))
                         .collect(),
-                })
+                };
+                (Some(state), view.tick)
             }
-            Err(SessionError::NotFound { .. }) => None,
+            Err(SessionError::NotFound { .. }) => (None, u64::MAX),
             Err(why) => return Err(format!("session '{name}' can't be read: {why}")),
         };
         let model = self.models.get_mut(name).expect("each has one");
-        model.find(found).map_err(|why| format!("session '{name}': {why}"))
+        model.find(found, tick).map_err(|why| format!("session '{name}': {why}"))
     }
 
     fn set_paused(&mut self, name: &'static str, paused: bool) -> Result<(), String> {

@@ -1,0 +1,111 @@
+//! What is stored of sessions that come back is read on another thread, a wave of them at a time.
+
+use std::sync::Arc;
+
+use firn_engine::frame::EngineError;
+use firn_engine::made::{Made, Maker};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use tracing::debug;
+
+use crate::machine;
+use crate::session::error::SessionError;
+use crate::session::handle::Session;
+use crate::session::journal::{Replay, Stored};
+use crate::session::message::Message;
+use crate::session::simulation::Simulation;
+use crate::session::snapshot::Snapshot;
+use crate::session::spec::Limits;
+
+use super::back::{Coming, Stage};
+use super::engine::Engine;
+use super::frame::caught;
+
+/// Cells that are read and not restored yet, unless one session has more.
+const WAVE: u64 = 16 << 20;
+
+/// A session as it was stored, ready to be taken in.
+pub(in crate::session) struct Decoded {
+    pub snapshot: Option<Snapshot>,
+    pub made: Result<Made, EngineError>,
+}
+
+impl Decoded {
+    /// Reads what is stored of a session. That takes memory and a while; any thread does it.
+    ///
+    /// # Errors
+    /// Where it can't be read.
+    fn new(session: &Session, stored: &Stored, maker: Maker) -> Result<Decoded, SessionError> {
+        let checkpoint = stored.checkpoint.as_ref();
+        let snapshot = checkpoint.map(|saved| Snapshot::decode(&saved.snapshot, &Limits::NONE));
+        let snapshot = snapshot.transpose()?;
+        let made = maker.make(Simulation::layout(&session.spec));
+        Ok(Decoded { snapshot, made })
+    }
+}
+
+/// What was read of a session, in the life that it is of.
+pub(in crate::session) struct Read {
+    pub key: u64,
+    pub life: u64,
+    pub decoded: Result<Decoded, SessionError>,
+}
+
+impl Engine {
+    /// Has those whose turn it is read what is stored of them.
+    pub(super) fn read_next(&mut self) {
+        if self.queue.is_empty() && self.asked.is_empty() {
+            return;
+        }
+        let restores = |key: &u64| {
+            let replay =
+                self.simulations.get(key).and_then(|simulation| simulation.replay.as_ref());
+            replay.is_some_and(Replay::restores)
+        };
+        // What was read takes memory until it is restored.
+        let takes_memory =
+            |(key, coming): &(&u64, &Coming)| coming.stage == Stage::Reading || restores(key);
+        let under_way = self.coming.iter().filter(takes_memory);
+        let mut cells = under_way.map(|(_, coming)| coming.cells()).sum::<u64>();
+        let mut wave = Vec::new();
+        loop {
+            let queue = if self.asked.is_empty() { &mut self.queue } else { &mut self.asked };
+            let Some(&key) = queue.front() else { break };
+            let waits = |coming: &&mut Coming| coming.stage == Stage::Queued;
+            let Some(coming) = self.coming.get_mut(&key).filter(waits) else {
+                queue.pop_front();
+                continue;
+            };
+            if cells > 0 && cells + coming.cells() > WAVE {
+                break;
+            }
+            queue.pop_front();
+            cells += coming.cells();
+            coming.stage = Stage::Reading;
+            debug!(session = coming.session().id, "comes back");
+            let life = self.records.get(&key).map_or(0, |record| record.life);
+            wave.push((coming.session().clone(), coming.stored.clone(), life));
+        }
+        if !wave.is_empty() {
+            self.read(wave);
+        }
+    }
+
+    fn read(&self, wave: Vec<(Arc<Session>, Stored, u64)>) {
+        let maker = self.backend.maker();
+        let decode = move |(session, stored, life): (Arc<Session>, Stored, u64)| {
+            let decoded = caught(|| Decoded::new(&session, &stored, maker)).unwrap_or_else(|| {
+                Err(SessionError::Internal("reading its checkpoint failed".to_owned()))
+            });
+            Read { key: session.key, life, decoded }
+        };
+        let world = wave.first().map(|(session, ..)| session.world.clone());
+        let work = move || {
+            let read = wave.into_par_iter().map(decode).collect();
+            if let Some(world) = world {
+                // Where the world has ended, nobody waits for it.
+                let _ = world.blocking_send(Message::Read(read));
+            }
+        };
+        machine::aside(Box::new(work), |work| drop(self.clock.spawn_blocking(work)));
+    }
+}
