@@ -912,7 +912,7 @@ export interface components {
             /** @description Whether the colliders in the region are wanted. */
             colliders?: boolean;
             /**
-             * @description The state that the client holds: the session's epoch from `welcome`, and the seq of the
+             * @description The state that the client holds: the epoch of the `welcome` under which it was told, and the seq of the
              *     last whole message.
              */
             resume?: {

@@ -719,7 +719,7 @@ class Region(TypedDict):
 
 class Resume(TypedDict):
     """
-    The state that the client holds: the session's epoch from `welcome`, and the seq of the
+    The state that the client holds: the epoch of the `welcome` under which it was told, and the seq of the
     last whole message.
     """
 
@@ -1199,7 +1199,7 @@ class SubscribeMessage(TypedDict):
 
     resume: NotRequired[Resume | None]
     """
-    The state that the client holds: the session's epoch from `welcome`, and the seq of the
+    The state that the client holds: the epoch of the `welcome` under which it was told, and the seq of the
     last whole message.
     """
 
