@@ -33,6 +33,8 @@ pub struct Machine {
     journal: Journal,
     /// How often somebody has waited in this step.
     passes: Cell<u64>,
+    /// Until when nobody makes checkpoints of snapshots.
+    packs_from: Cell<Duration>,
 }
 
 impl Machine {
@@ -46,6 +48,7 @@ impl Machine {
             aside: RefCell::default(),
             journal: Journal::default(),
             passes: Cell::default(),
+            packs_from: Cell::default(),
         }
     }
 
@@ -70,6 +73,16 @@ impl Machine {
         if let Some(work) = work {
             work();
         }
+    }
+
+    /// Has nobody make checkpoints for some time.
+    pub fn stall_packing(&self, time: Duration) {
+        self.packs_from.set(self.passed.get() + time);
+    }
+
+    /// Whether somebody makes checkpoints.
+    pub fn packs(&self) -> bool {
+        self.passed.get() >= self.packs_from.get()
     }
 
     /// A step begins.
@@ -118,7 +131,7 @@ impl Simulated for Machine {
         if let Ok(mut journal) = self.journal.try_borrow_mut()
             && let Some(journal) = journal.as_mut()
         {
-            if self.dice.borrow_mut().random_bool(0.5) {
+            if self.packs() && self.dice.borrow_mut().random_bool(0.5) {
                 journal.pack();
             }
             journal.commit();

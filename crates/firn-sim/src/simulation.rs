@@ -147,7 +147,7 @@ impl Simulation {
         match self.dice.random_range(0..1000) {
             0..320 => self.turn()?,
             320..470 => self.journal(ManualJournal::commit),
-            470..530 => self.journal(ManualJournal::pack),
+            470..530 if self.machine.packs() => self.journal(ManualJournal::pack),
             530..580 => self.machine.work(),
             580..760 => self.poll(),
             760..850 => self.ask(),

@@ -79,7 +79,12 @@ impl Simulation {
                 let operations = self.dice.random_range(0..60);
                 self.disk.cut_at(Some((operations, self.dice.random())));
             }
-            98..100 => {
+            98 => {
+                self.report.fault("packing stalled");
+                let milliseconds = self.dice.random_range(100..3000);
+                self.machine.stall_packing(Duration::from_millis(milliseconds));
+            }
+            99 => {
                 self.report.fault("stop");
                 self.stop()?;
             }
