@@ -37,7 +37,7 @@ const ASK_AGAIN: &str = "no-cache";
 /// Shown where the viewer was not built.
 const UNBUILT: &str = include_str!("viewer/unbuilt.html");
 
-/// The page and what belongs to it. These files need no token.
+/// The viewer's page, and the scripts, styles and images that it loads. They need no token.
 pub fn routes() -> Router<App> {
     Router::new().route("/", get(page)).route("/assets/{file}", get(asset))
 }

@@ -55,8 +55,8 @@ impl Api {
         Ok(self.session(id)?.change_colliders(&batch).await.map(drop)?)
     }
 
-    /// Asks for something below a session, whatever comes of it, and lets go of the answer piece by
-    /// piece; its status.
+    /// Sends a request for a path below a session, reads the answer in pieces without keeping them, and
+    /// returns its status: an error status is no failure.
     pub async fn ask(
         &self,
         method: Method,

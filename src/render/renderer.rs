@@ -136,7 +136,7 @@ fn work(shots: &Receiver<(Shot, Reply)>, open: &Open) {
     let mut painter = None;
     loop {
         match shots.recv_timeout(IDLE) {
-            // Whoever asked may have gone away meanwhile.
+            // The client has gone away: nothing is drawn.
             Ok((_, reply)) if reply.is_closed() => {}
             Ok((shot, reply)) => {
                 let drawn = catch_unwind(AssertUnwindSafe(|| draw(&mut painter, open, &shot)));

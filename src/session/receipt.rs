@@ -1,8 +1,8 @@
-//! Receipts: who has been answered waits until the answer is durable.
+//! Receipts: an answer is held back until what it says is durable.
 //!
-//! What a frame leaves of a session for the journal has a position, counted up for as long as the process
-//! lives. The answer to a change says at which position it is; its request returns when all up to there is
-//! durable, or with why it never will be.
+//! Everything that a frame hands to the journal of one session has a position, counted up for as long as the
+//! process lives. The answer to a change carries the position; the request returns when everything up to there
+//! is durable, or with the reason why it never will be.
 
 use std::collections::VecDeque;
 
@@ -17,7 +17,8 @@ pub(super) struct Receipted<T> {
     pub position: u64,
 }
 
-/// Ranges of refused positions that are remembered: whoever waits looks at them long before there are so many.
+/// Ranges of refused positions that are remembered. A waiting request looks at them long before there are so
+/// many.
 const REMEMBERED: usize = 16;
 
 /// How far a session is durable.
@@ -65,7 +66,7 @@ impl Receipts {
         });
     }
 
-    /// Some positions, first and last, never will be. Who waits for them is told later why.
+    /// Some positions, first and last, never will be durable. The reason follows with [`Receipts::refuse`].
     pub fn take_back(&self, (first, last): (u64, u64)) {
         self.0.send_modify(|durable| {
             durable.refused.push_back((first, last, None));

@@ -216,7 +216,7 @@ impl Access {
         };
         let quota = tenant.and_then(|tenant| Some((tenant, keys.rates(tenant)?)));
         let counted = match (quota, caller) {
-            // Whoever has two keys has no two rates.
+            // A tenant has one rate, however many keys it has.
             (Some((tenant, rates)), Caller::Tenant(_)) => {
                 rates.count(blake3::hash(tenant.as_bytes()).as_bytes())
             }

@@ -12,8 +12,8 @@ use super::rates::Rates;
 /// Failures at once that an address is told of.
 const BURST: NonZeroU32 = NonZeroU32::new(10).expect("not zero");
 
-/// Networks that are told apart at a time. All others together count as one: whoever has that many
-/// addresses can't fill the memory with them.
+/// Most networks that are counted one by one; all others share one count. So a client with very many
+/// addresses can't fill the memory.
 const MOST_NETWORKS: usize = 65_536;
 
 /// What happens to those who have no right token.

@@ -209,12 +209,35 @@ impl Record {
     /// The session as it is stored once all is durable that is on its way.
     pub fn present(&self) -> Stored {
         let mut stored = self.stored.clone();
-        let parts = self.pending.iter().flat_map(|pending| &*pending.parts);
-        parts.for_each(|part| stored.enter(part));
+        self.pending_parts().for_each(|part| stored.enter(part));
         stored
     }
 
-    /// Where who waits for it is told.
+    /// Where the session has come, with all that is on its way.
+    pub fn anchor(&self) -> Anchor {
+        let anchor = |part: &Part| match part {
+            Part::Anchor(anchor) => Some(*anchor),
+            _ => None,
+        };
+        self.pending_parts().rev().find_map(anchor).unwrap_or(self.stored.anchor)
+    }
+
+    /// Tick that it has come to at a beat, as [`Stored::tick_at`], with all that is on its way.
+    pub fn tick_at(&self, frame: u64) -> u64 {
+        let reached = |part: &Part| match part {
+            Part::Entry(_, entry) => Some(entry.reached),
+            _ => None,
+        };
+        let stored = self.stored.entries.back().map_or(0, |entry| entry.reached);
+        let told = self.pending_parts().rev().find_map(reached).unwrap_or(stored);
+        self.anchor().tick_at(frame).max(told)
+    }
+
+    fn pending_parts(&self) -> impl DoubleEndedIterator<Item = &Part> {
+        self.pending.iter().flat_map(|pending| &*pending.parts)
+    }
+
+    /// Where waiting requests learn what is durable.
     pub fn receipts(&self) -> &Arc<Receipts> {
         &self.receipts
     }

@@ -1,9 +1,9 @@
-//! The way back of sessions whose snow is not on the device: at a start, when the device was lost, when
-//! something in them panicked or could not be stored, and when they wake. There is one for all of them.
+//! Recovery of sessions whose snow is not on the device: after a start, a lost device, a panic, a change that
+//! could not be stored, and when a session wakes. All of them take the same path.
 //!
-//! What is stored of some sessions is read on another thread, a wave of them at a time. Then they go through
-//! what has happened since their checkpoints, in parts of frames, beside all others, and show what has come of
-//! it. What is asked of them waits meanwhile.
+//! Another thread reads the stored sessions, several at a time. Each session then replays the changes since
+//! its checkpoint, a part in each frame, while all other sessions go on, and publishes the result. Requests
+//! for it wait meanwhile.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -33,7 +33,7 @@ pub(super) struct Coming {
     at_start: bool,
     /// What has to be written before it comes back.
     first: Vec<Part>,
-    /// Somebody asks for it.
+    /// A request waits for it.
     pub asked: bool,
 }
 
@@ -105,22 +105,21 @@ impl Engine {
         self.queue.push_back(key);
     }
 
-    /// Has a session come back that has come to a tick, as far as its snow tells, and has perhaps published what
-    /// nobody will find again: until a checkpoint is stored, only what was stored by then counts as known after
-    /// a restart.
+    /// Has a session come back that has reached a tick and may have published states that are lost now. Until
+    /// its next checkpoint is stored, a client that resumes after a restart is only believed up to the newest
+    /// seq that is stored now.
     pub(super) fn go_back_from(&mut self, session: Arc<Session>, tick: u64) {
         let frame = self.frame;
         let clock = session.mirror().clock_at(frame);
         session.stand_still(clock);
         if let Some(record) = self.records.get(&session.key) {
-            let present = record.present();
-            let anchor = present.anchor;
+            let anchor = record.anchor();
             let exact = match anchor.exact {
                 Exact::Fixed(seq) => Exact::Fixed(seq),
                 Exact::Runs | Exact::Stands(_) => Exact::Fixed(record.stored.newest_seq()),
             };
-            // A pause or a reset that is taken back tells nothing of the time before it.
-            let latest = present.tick_at(frame);
+            // After a pause or a reset that is taken back, the session's own tick says nothing.
+            let latest = record.tick_at(frame);
             let tick = if (anchor.tick..=latest).contains(&tick) { tick } else { latest };
             self.submit_anchor(session.key, Anchor { tick, frame, rate: 0.0, exact, ..anchor });
         }
@@ -144,7 +143,7 @@ impl Engine {
     }
 
     /// Makes room for a session and begins its replay. Where there is no room it goes on hibernating, and
-    /// where it can't be read it is set aside; whoever waits for it is told why.
+    /// where it can't be read it is set aside. Waiting requests are refused, with the reason.
     ///
     /// # Errors
     /// Those of the backend.
@@ -158,7 +157,7 @@ impl Engine {
                 let room = made.and_then(|made| self.take_in(snapshot.as_ref(), made));
                 (room, snapshot)
             }
-            // A start needs what is stored to tell anybody of the session.
+            // After a start nothing else tells the session's heights.
             Err(SessionError::NoMemory(why)) if !self.is_at_start(key) => {
                 self.hibernate_on(key, None, why);
                 return Ok(());
@@ -283,7 +282,7 @@ impl Engine {
                 self.simulations.set_active(key, true);
             }
         }
-        // Who has to wait for a share has time until the next beat.
+        // A session that waits because its tenant has had its share is looked at again with the next beat.
         let waits = |coming: &Coming| {
             let tenant = coming.session.tenant.as_ref();
             tenant.is_some_and(|tenant| tenant.is_over_its_share(frame))
@@ -298,8 +297,7 @@ impl Engine {
         self.coming.get(&key).is_some_and(|coming| coming.at_start)
     }
 
-    /// Notes that somebody asks for a session, where it waits for its turn to come back: it comes before those
-    /// that nobody asks for.
+    /// Notes that a request waits for a session that is queued: it comes back before those without requests.
     pub(super) fn ask_for(&mut self, key: u64) {
         let waits = |coming: &&mut Coming| coming.stage == Stage::Queued && !coming.asked;
         if let Some(coming) = self.coming.get_mut(&key).filter(waits) {
@@ -336,7 +334,7 @@ impl Engine {
         self.next_beat = machine::now();
     }
 
-    /// Gives up bringing a session back. Whoever waits for it is told why.
+    /// Gives up bringing a session back. Waiting requests are refused, with the reason.
     pub(super) fn give_up_coming(&mut self, key: u64, why: &SessionError) -> Option<Arc<Session>> {
         let Coming { session, .. } = self.coming.remove(&key)?;
         self.refuse_mail(key, why);

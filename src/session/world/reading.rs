@@ -1,4 +1,4 @@
-//! What is stored of sessions that come back is read on another thread, a wave of them at a time.
+//! Another thread reads the stored sessions that come back, several at a time.
 
 use std::sync::Arc;
 
@@ -51,7 +51,7 @@ pub(in crate::session) struct Read {
 }
 
 impl Engine {
-    /// Has those whose turn it is read what is stored of them.
+    /// Begins to read the next sessions, as many as memory allows.
     pub(super) fn read_next(&mut self) {
         if self.queue.is_empty() && self.asked.is_empty() {
             return;

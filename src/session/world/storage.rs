@@ -41,8 +41,8 @@ pub(super) struct Storage {
     next_attempt: Option<Instant>,
     /// Appends that nothing has been heard of.
     under_way: usize,
-    /// Positions of sessions, first and last, that were taken back. Who waits for them is told when the session
-    /// is back: nobody reads then what was not stored.
+    /// Positions of sessions, first and last, that were taken back. Requests that wait for them are refused when
+    /// the session is back, so that a client that reads then never sees what was not stored.
     taken_back: BTreeMap<u64, Vec<TakenBack>>,
     /// Nobody is left who would commit anything.
     dead: bool,
@@ -77,7 +77,7 @@ impl Storage {
 }
 
 impl Engine {
-    /// Hands something of a session to the journal. Who waits for it is answered when it is durable.
+    /// Hands something of a session to the journal. The replies are given when it is durable.
     pub(super) fn submit(&mut self, append: Append, replies: Vec<Answer<()>>) {
         let key = append.key;
         if let Some(Part::Create(identity, origin, epochs)) = append.parts.first() {
@@ -222,7 +222,7 @@ impl Engine {
         }
     }
 
-    /// Tells whoever waits for what was taken back of a session.
+    /// Refuses the requests that wait for what was taken back of a session.
     pub(super) fn tell_of_taken_back(&mut self, key: u64) {
         let taken_back = self.storage.taken_back.remove(&key).unwrap_or_default();
         taken_back.into_iter().for_each(|(receipts, range, why)| receipts.refuse(range, &why));
@@ -235,7 +235,7 @@ impl Engine {
         self.records.remove(&key);
     }
 
-    /// Notes how far a session has come that goes back: at once, or with what is written anew.
+    /// Stores how far a session that goes back has come: at once, or with what is written anew.
     pub(super) fn submit_anchor(&mut self, key: u64, anchor: Anchor) {
         if self.storage.failure.is_none() {
             self.submit_parts(key, vec![Part::Anchor(anchor)], None);

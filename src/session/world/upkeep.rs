@@ -164,7 +164,7 @@ impl Engine {
         }
     }
 
-    /// Has a session that is not on the device any more come back. Who waits for a frame of it gets `why`.
+    /// Has a session come back that is no longer on the device. Requests in its frames are refused with `why`.
     pub(super) fn evict(&mut self, mut simulation: Box<Simulation>, why: &SessionError) {
         let (session, until) = (simulation.session.clone(), simulation.until(self.frame));
         let key = session.key;
@@ -172,7 +172,7 @@ impl Engine {
             self.checkpointing = None;
         }
         self.fallen.retain(|fallen| *fallen != key);
-        // What it has told of and not handed over never will be durable.
+        // Answers were given for what was never handed to the journal: it will not become durable.
         let (last, record) = (simulation.log.last_told(), self.records.get_mut(&key));
         let handed_over = record.as_ref().map_or(0, |record| record.position);
         if last > handed_over {
