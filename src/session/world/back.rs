@@ -327,7 +327,7 @@ impl Engine {
             return;
         }
         let took = machine::since(self.began);
-        info!("all sessions are back after {took:.1?}");
+        info!("{} sessions are back after {took:.1?}", self.names.count());
         self.vitals.store.recovered(took);
         self.vitals.recovered.store(true, Ordering::Release);
         // That was no lag: nobody's time passed.
