@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 use std::time::Duration;
 
 use firn_engine::frame::cell_bytes;
-use firn_protocol::{Event, SessionSpec, SessionView, Stamp, State};
+use firn_protocol::{Event, SessionSpec, SessionView, State};
 use firn_snow::CELL;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, mpsc, watch};
 use tokio_util::sync::CancellationToken;
@@ -22,6 +22,7 @@ use super::memory::Companion;
 use super::message::Message;
 use super::mirror::Mirror;
 use super::once::Answered;
+use super::publish::Publication;
 use super::receipt::Receipts;
 use super::registry::Sessions;
 use super::snapshot::Snapshot;
@@ -58,7 +59,7 @@ pub struct Session {
     /// Key in the world; never used twice.
     pub(super) key: u64,
     pub(super) mirror: RwLock<Mirror>,
-    pub(super) published: watch::Sender<Stamp>,
+    pub(super) published: watch::Sender<Publication>,
     pub(super) events: broadcast::Sender<Event>,
     pub(super) gone: CancellationToken,
     /// Its memory is freed, and its time stands still.
@@ -144,7 +145,7 @@ impl Session {
             decoding: sessions.decoding.clone(),
             tokens: watch::Sender::new(tokens),
             key,
-            published: watch::Sender::new(Stamp { tick: clock.tick(), seq: mirror.seq }),
+            published: watch::Sender::new(Publication { number: 0, tick: clock.tick() }),
             mirror: RwLock::new(mirror),
             events: broadcast::Sender::new(EVENT_BACKLOG),
             gone: CancellationToken::new(),
@@ -172,7 +173,7 @@ impl Session {
         mirror.go_on_from(seq, versions);
         let tick = mirror.clock.tick();
         drop(mirror);
-        self.published.send_replace(Stamp { tick, seq });
+        self.published.send_modify(|publication| publication.tick = tick);
     }
 
     /// Shows that time does not pass any more.
@@ -232,8 +233,8 @@ impl Session {
         self.frames.load(Ordering::Relaxed)
     }
 
-    /// The newest published state's stamp, and a way to wait for the next.
-    pub fn publications(&self) -> watch::Receiver<Stamp> {
+    /// The newest publication, and a way to wait for the next.
+    pub fn publications(&self) -> watch::Receiver<Publication> {
         self.published.subscribe()
     }
 

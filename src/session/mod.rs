@@ -55,6 +55,7 @@ pub use journal::{StoreReport, StoreState, StoreVitals, StoredSession, check_sto
 pub use memory::Companion;
 pub use mirror::{Mirror, TileColumns};
 pub use once::Once;
+pub use publish::Publication;
 pub use registry::Sessions;
 pub use simulation::Simulation;
 pub use snapshot::{MEDIA_TYPE as SNAPSHOT_MEDIA_TYPE, Snapshot};

@@ -21,6 +21,16 @@ use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 use super::state::{Collider, SessionState};
 
+/// Says that a session has published a state.
+#[derive(Clone, Copy, Debug)]
+pub struct Publication {
+    /// How many the server had published of this session, with this one. Seq does not tell: it may
+    /// pass over numbers.
+    pub number: u64,
+    /// Time of the state.
+    pub tick: u64,
+}
+
 impl Simulation {
     /// Takes in the outcome of the frame in flight; `tiles` are those of it that changed.
     pub(super) fn conclude<'a>(
@@ -104,7 +114,9 @@ impl Simulation {
         self.unpublished = false;
         let stamp = Stamp { tick: self.state.clock.tick(), seq };
         if changed {
-            session.published.send_replace(stamp);
+            session.published.send_modify(|publication| {
+                *publication = Publication { number: publication.number + 1, tick: stamp.tick };
+            });
         }
         stamp
     }

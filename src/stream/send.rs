@@ -17,7 +17,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval_at, sleep_until, timeout
 
 use crate::budget::Budget;
 use crate::metrics::Carried;
-use crate::session::{Applied, Invalid, Session, SessionError};
+use crate::session::{Applied, Invalid, Publication, Session, SessionError};
 
 use super::answer::{self, Answer};
 use super::cache::EncodedTiles;
@@ -73,7 +73,7 @@ where
         memory: encoded.open(),
         encoded,
         subscriptions: Vec::new(),
-        marked: publications.borrow_and_update().seq,
+        marked: publications.borrow_and_update().number,
     };
     if let Err(cause) = speaker.say(answer::welcome(session)).await {
         return cause;
@@ -109,7 +109,7 @@ struct Speaker<'a, W> {
     encoded: Arc<EncodedTiles>,
     memory: OpenStream,
     subscriptions: Vec<Subscription>,
-    /// Seq of the newest publication that was noted.
+    /// Number of the newest publication that was noted.
     marked: u64,
 }
 
@@ -157,13 +157,13 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
 
     /// Notes a publication. Those since the one before came and went while the client, or the
     /// server, was busy.
-    fn mark(&mut self, published: Stamp) {
+    fn mark(&mut self, newest: Publication) {
         if !self.subscriptions.is_empty() {
-            self.manner.carried.conflated(published.seq.saturating_sub(self.marked + 1));
+            self.manner.carried.conflated(newest.number.saturating_sub(self.marked + 1));
         }
-        self.marked = published.seq;
+        self.marked = newest.number;
         for subscription in &mut self.subscriptions {
-            subscription.mark(published.tick);
+            subscription.mark(newest.tick);
         }
     }
 

@@ -36,6 +36,7 @@ async fn a_tile_is_encoded_once_for_all_who_watch_it(backend: BackendChoice) {
     const ROUNDS: u64 = 5;
     let server = Server::start(backend).await;
     let session = server.create(support::small()).await;
+    let other = server.create(support::small()).await;
     let id = session.rsplit('/').next().unwrap();
     let encoded = server.sessions.get(id).unwrap().companion::<EncodedTiles>();
     for (number, protocol) in (0..).zip(["firn.v1.json", "firn.v1.bin"]) {
@@ -48,6 +49,8 @@ async fn a_tile_is_encoded_once_for_all_who_watch_it(backend: BackendChoice) {
             clients.push(client);
         }
         for _ in 0..ROUNDS {
+            // Meanwhile the session's seq passes over numbers. No state is lost by that.
+            server.post(&format!("{other}/snowfalls"), json!({"depth": 0.1})).await.expect(200);
             let fallen = server.post(&format!("{session}/snowfalls"), json!({"depth": 0.1})).await;
             let newest = fallen.expect(200)["seq"].as_u64().unwrap();
             for client in &mut clients {
