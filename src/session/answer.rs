@@ -33,11 +33,6 @@ impl<T> Answer<T> {
     pub fn refuse(self, why: &SessionError) {
         self.give(Err(why.clone()));
     }
-
-    /// Whether nobody waits any more.
-    pub fn is_closed(&self) -> bool {
-        self.sender.is_closed()
-    }
 }
 
 /// Memory that a request takes while it waits, at the least \[bytes\].
@@ -84,7 +79,7 @@ mod tests {
         let (answer, receiver) = Answer::<()>::new(Some(room.enter(MOST - LEAST + 1).unwrap()));
         assert!(matches!(room.enter(1), Err(SessionError::TooManyWaiting(_))));
         drop(receiver);
-        assert!(answer.is_closed() && room.enter(1).is_err());
+        assert!(answer.sender.is_closed() && room.enter(1).is_err());
         answer.give(Ok(()));
         let all: Vec<_> = (0..MOST / LEAST).map(|_| room.enter(100).unwrap()).collect();
         assert!(room.enter(0).is_err());

@@ -19,7 +19,6 @@ use super::clock::Clock;
 use super::error::SessionError;
 use super::journal::{Epochs, Identity, Weight};
 use super::memory::Companion;
-use super::message::Message;
 use super::mirror::Mirror;
 use super::once::Answered;
 use super::publish::Publication;
@@ -29,6 +28,7 @@ use super::snapshot::Snapshot;
 use super::spec::Limits;
 use super::tenant::Tenant;
 use super::token::TokenHashes;
+use super::world::Input;
 
 /// Events a stream client that is slower than this many of them loses the oldest.
 pub(super) const EVENT_BACKLOG: usize = 64;
@@ -77,9 +77,11 @@ pub struct Session {
     pub(super) receipts: Arc<Receipts>,
     /// The one place for a large answer that the world has to find.
     finding: Arc<Semaphore>,
-    pub(super) world: mpsc::Sender<Message>,
+    pub(super) world: mpsc::Sender<Input>,
     /// Device time that it has taken \[ns\].
     pub(super) device_ns: AtomicU64,
+    /// Steps that it was asked for.
+    pub(super) steps: AtomicU64,
     /// Frames so far, of all sessions.
     pub(super) frames: Arc<AtomicU64>,
     pub(super) answered: Arc<Answered>,
@@ -154,6 +156,7 @@ impl Session {
             ground: spec.ground_range(),
             visitors: AtomicU32::new(0),
             device_ns: AtomicU64::new(0),
+            steps: AtomicU64::new(0),
             last_used: AtomicU64::new(sessions.frames.load(Ordering::Relaxed)),
             waiting: WaitingRoom::default(),
             receipts: Arc::default(),

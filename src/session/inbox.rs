@@ -24,7 +24,7 @@ pub(super) type Look = Box<dyn FnOnce(&Simulation) + Send>;
 /// What a session is asked.
 pub(super) enum Request {
     Change { change: Change, once: Option<Once>, reply: Answer<Receipted<Applied>> },
-    Step { step: StepSpec, reply: Answer<Receipted<()>> },
+    Step { number: u64, step: StepSpec, reply: Answer<Receipted<()>> },
     Reset { saved: Option<Box<Snapshot>>, reply: Answer<Receipted<()>> },
     Snapshot { reply: Answer<Snapshot> },
     Gather { tiles: Vec<u32>, reply: Answer<Gathered> },
@@ -67,6 +67,13 @@ impl Inbox {
         } else {
             self.0.push_back(request);
         }
+    }
+
+    /// Forgets a step that nobody waits for.
+    pub fn forget_step(&mut self, step: u64) {
+        let is_it =
+            |request: &Request| matches!(request, Request::Step { number, .. } if *number == step);
+        self.0.retain(|request| !is_it(request));
     }
 
     /// Whether nothing waits.
@@ -128,7 +135,7 @@ impl Simulation {
             Request::Change { change, once, reply } => {
                 self.change(change, once, most_colliders, reply);
             }
-            Request::Step { step, reply } => self.begin_step(&step, reply),
+            Request::Step { number, step, reply } => self.begin_step(number, &step, reply),
             Request::Reset { saved, reply } => self.begin_reset(saved.as_deref(), reply),
             Request::Snapshot { reply } => self.next.snapshots.push(reply),
             Request::Gather { tiles, reply } => self.next.gathers.push((tiles, reply)),

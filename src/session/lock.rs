@@ -8,7 +8,7 @@ use firn_protocol::SessionView;
 
 use super::error::SessionError;
 use super::handle::Session;
-use super::message::Control;
+use super::world::Control;
 
 impl Session {
     /// Whether it takes no changes.

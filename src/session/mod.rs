@@ -17,7 +17,6 @@ mod inbox;
 mod journal;
 mod lock;
 mod memory;
-mod message;
 mod mirror;
 mod names;
 mod object_rows;

@@ -98,7 +98,7 @@ impl Done {
     }
 
     /// Whether nobody may ask for it any more at some time.
-    fn is_old(&self, now: Duration) -> bool {
+    pub fn is_old(&self, now: Duration) -> bool {
         now.saturating_sub(Duration::from_millis(self.at_ms)) >= Idempotency::LIFETIME
     }
 

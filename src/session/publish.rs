@@ -1,6 +1,7 @@
 //! What came of a frame: the mirror brought up to date, requests answered, streams told.
 
 use std::sync::{Arc, PoisonError};
+use std::time::Duration;
 
 use firn_engine::frame::WorkOutcome;
 use firn_engine::published::TileColumns;
@@ -32,11 +33,13 @@ pub struct Publication {
 }
 
 impl Simulation {
-    /// Takes in the outcome of the frame in flight; `tiles` are those of it that changed.
+    /// Takes in the outcome of the frame in flight; `tiles` are those of it that changed. `stored` is the time by
+    /// the store's clock.
     pub(super) fn conclude<'a>(
         &mut self,
         outcome: WorkOutcome,
         tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
+        stored: Duration,
     ) {
         let Some(outcome) = self.portions.take_in(outcome) else { return };
         if self.flight.publish {
@@ -58,7 +61,7 @@ impl Simulation {
             let stamp = self.publish(&orders, &outcome, tiles);
             let settled = settles.then_some(Event::Settled { stamp });
             let reset = orders.reset.then_some(Event::Reset { stamp });
-            self.answer(orders, outcome, stamp);
+            self.answer(orders, outcome, stamp, stored);
             for event in reset.into_iter().chain(settled) {
                 self.tell(event);
             }
@@ -159,7 +162,7 @@ impl Simulation {
     }
 
     /// Answers everybody who waited for this frame.
-    fn answer(&mut self, orders: Orders, outcome: WorkOutcome, stamp: Stamp) {
+    fn answer(&mut self, orders: Orders, outcome: WorkOutcome, stamp: Stamp, stored: Duration) {
         for reply in orders.replies {
             // A failed send means that nobody waits any more, which is theirs to decide.
             match reply {
@@ -173,8 +176,7 @@ impl Simulation {
                     let applied = self.applied(told, found, stamp);
                     self.tell_of(&applied, set, stamp);
                     if let Some(once) = once {
-                        let now = self.session.answered.now();
-                        self.log.answered(Done::applied(&once, &applied, now));
+                        self.log.answered(Done::applied(&once, &applied, stored));
                     }
                     let position = self.log.receipt();
                     answer.give(Ok(Receipted { answer: applied, position }));

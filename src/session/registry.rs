@@ -12,11 +12,10 @@ use tokio::sync::{Semaphore, mpsc};
 use super::error::{Check, SessionError};
 use super::handle::Session;
 use super::idempotency::RequestKey;
-use super::message::{self, Control, Message};
 use super::names::{Names, Place};
 use super::once::{Answered, Done, DoneResult, Once};
 use super::receipt::Receipted;
-use super::requests::blocking;
+use super::requests::{ask, blocking};
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 use super::spec::Limits;
@@ -24,7 +23,7 @@ use super::tenant::Tenants;
 use super::token::Tokens;
 use super::visit::Visit;
 use super::vitals::Vitals;
-use super::world::Fault;
+use super::world::{Control, Creation, Fault, Input};
 
 /// Snapshots that are decoded, and large sessions that are made, at the same time: each may take as much
 /// memory as a whole session.
@@ -43,7 +42,7 @@ fn is_large(grid: &Grid) -> bool {
 pub struct Sessions {
     pub(super) names: Arc<Names>,
     tenants: Tenants,
-    pub(super) world: mpsc::Sender<Message>,
+    pub(super) world: mpsc::Sender<Input>,
     vitals: Arc<Vitals>,
     pub(super) frames: Arc<AtomicU64>,
     limits: Limits,
@@ -62,7 +61,7 @@ pub struct Sessions {
 impl Sessions {
     pub(super) fn new(
         names: Arc<Names>,
-        world: mpsc::Sender<Message>,
+        world: mpsc::Sender<Input>,
         vitals: Arc<Vitals>,
         frames: Arc<AtomicU64>,
         answered: Arc<Answered>,
@@ -91,7 +90,7 @@ impl Sessions {
     #[doc(hidden)]
     pub async fn sabotage(&self, fault: Fault) {
         // The world may have ended.
-        let _ = self.world.send(Message::Break(fault)).await;
+        let _ = self.world.send(Input::Break(fault)).await;
     }
 
     /// Makes no more sessions: the server is about to stop.
@@ -225,8 +224,11 @@ impl Sessions {
         } else {
             make()?
         };
-        let create = |reply| Message::Create { session: session.clone(), made, saved, done, reply };
-        let Receipted { position, .. } = message::ask(&self.world, None, create).await?;
+        let create = |reply| {
+            let creation = Creation { session: session.clone(), saved, done, reply };
+            Input::Create { creation, made }
+        };
+        let Receipted { position, .. } = ask(&self.world, None, create).await?;
         session.receipts.wait(position).await?;
         place.keep(session.clone());
         Ok((session, tokens))
@@ -247,7 +249,7 @@ impl Sessions {
         if session.hibernating.load(Ordering::SeqCst) {
             // A queue that is full wakes it with what is asked for next.
             let _ =
-                self.world.try_send(Message::Control { key: session.key, control: Control::Wake });
+                self.world.try_send(Input::Control { key: session.key, control: Control::Wake });
         }
         session
     }

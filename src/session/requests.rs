@@ -1,9 +1,11 @@
 //! What a session can be asked: each request goes to the world's thread and returns with its answer.
 
+use std::sync::atomic::Ordering;
+
 use firn_engine::frame::TileCells;
 use firn_protocol::{ColumnView, MassView, SessionView, StepSpec};
 use firn_snow::ColumnRect;
-use tokio::sync::oneshot;
+use tokio::sync::{mpsc, oneshot};
 
 use crate::machine;
 
@@ -14,12 +16,12 @@ use super::error::{Invalid, SessionError};
 use super::gather::{self, Sampled};
 use super::handle::Session;
 use super::inbox::Request;
-use super::message::{self, Control, Message};
 use super::once::Once;
 use super::receipt::Receipted;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
 use super::token::Tokens;
+use super::world::{Control, Input, stopped};
 
 impl Session {
     /// Applies a change in the next frame, and returns when it is durable and the next read sees it.
@@ -59,8 +61,11 @@ impl Session {
     /// [`SessionError::Locked`], and [`SessionError::Invalid`].
     pub async fn step(&self, step: StepSpec) -> Result<SessionView, SessionError> {
         self.check_unlocked()?;
-        self.ask_durably(0, |reply| Request::Step { step, reply }).await?;
-        Ok(self.view())
+        let number = self.steps.fetch_add(1, Ordering::Relaxed);
+        let mut end = EndStep { session: self, number, ended: false };
+        let stepped = self.ask_durably(0, |reply| Request::Step { number, step, reply }).await;
+        end.ended = true;
+        stepped.map(|()| self.view())
     }
 
     /// Brings the session back to the state it was created in; seqs go on.
@@ -171,7 +176,7 @@ impl Session {
             let _ = send.send(look(simulation));
         });
         self.ask(|reply| Request::Inspect { look, reply }).await?;
-        receive.await.map_err(|_| message::stopped())
+        receive.await.map_err(|_| stopped())
     }
 
     pub(super) async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
@@ -211,8 +216,8 @@ impl Session {
         place: Place,
         request: impl FnOnce(Answer<T>) -> Request,
     ) -> Result<T, SessionError> {
-        let message = |reply| Message::Request { key: self.key, request: request(reply) };
-        message::ask(&self.world, Some(place), message).await
+        let input = |reply| Input::Request { key: self.key, request: request(reply) };
+        ask(&self.world, Some(place), input).await
     }
 
     /// Has something done that does not wait for what is asked of the session.
@@ -220,9 +225,46 @@ impl Session {
         &self,
         control: impl FnOnce(Answer<()>) -> Control,
     ) -> Result<(), SessionError> {
-        let message = |reply| Message::Control { key: self.key, control: control(reply) };
-        message::ask(&self.world, None, message).await
+        let input = |reply| Input::Control { key: self.key, control: control(reply) };
+        ask(&self.world, None, input).await
     }
+}
+
+/// Ends a step where its client goes before it has ended.
+struct EndStep<'s> {
+    session: &'s Session,
+    number: u64,
+    ended: bool,
+}
+
+impl Drop for EndStep<'_> {
+    fn drop(&mut self) {
+        if !self.ended {
+            let (key, control) = (self.session.key, Control::EndStep(self.number));
+            // Where the queue is full it goes on to its end.
+            let _ = self.session.world.try_send(Input::Control { key, control });
+        }
+    }
+}
+
+/// Asks the world and waits for its answer, in a place among those that wait for a session.
+pub(super) async fn ask<T>(
+    world: &mpsc::Sender<Input>,
+    place: Option<Place>,
+    input: impl FnOnce(Answer<T>) -> Input,
+) -> Result<T, SessionError> {
+    let (answer, receive) = Answer::new(place);
+    world.send(input(answer)).await.map_err(|_| stopped())?;
+    receive.await.unwrap_or_else(|_| {
+        if world.is_closed() {
+            return Err(stopped());
+        }
+        Err(SessionError::Internal(
+            "handling the request failed; the session goes back to what is stored: read it before \
+             the request is sent again"
+                .to_owned(),
+        ))
+    })
 }
 
 /// A change, in which an object that had no name has one.

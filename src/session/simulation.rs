@@ -25,6 +25,8 @@ use super::step::StepJob;
 pub struct Simulation {
     pub(super) session: Arc<Session>,
     pub(super) slot: Slot,
+    /// Place among all simulations.
+    pub(super) place: usize,
     pub(super) state: SessionState,
     /// Frame up to which ticks have been counted, and ticks counted but not taken yet.
     pub(super) frame: u64,
@@ -74,6 +76,7 @@ impl Simulation {
         let spec = &session.spec;
         Simulation {
             slot,
+            place: 0,
             state: SessionState::new(spec),
             frame,
             owed: 0,

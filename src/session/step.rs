@@ -16,6 +16,8 @@ const MOST_TICKS: u64 = 1_000_000;
 /// A step under way.
 #[derive(Debug)]
 pub(super) struct StepJob {
+    /// Tells it from others of the session.
+    pub number: u64,
     pub goal: Goal,
     pub answer: Answer<Receipted<()>>,
 }
@@ -80,16 +82,18 @@ impl StepJob {
 
     /// Whether there is nothing more to do.
     pub fn is_over(&self, settled: bool, paused: bool) -> bool {
-        self.remaining() == 0
-            || !paused
-            || self.answer.is_closed()
-            || (settled && matches!(self.goal, Goal::Settled(_)))
+        self.remaining() == 0 || !paused || (settled && matches!(self.goal, Goal::Settled(_)))
     }
 }
 
 impl Simulation {
     /// Begins a step, or refuses it.
-    pub(super) fn begin_step(&mut self, step: &StepSpec, answer: Answer<Receipted<()>>) {
+    pub(super) fn begin_step(
+        &mut self,
+        number: u64,
+        step: &StepSpec,
+        answer: Answer<Receipted<()>>,
+    ) {
         let result = if !self.state.settings.paused {
             Err(SessionError::Conflict("a running session can't be stepped; pause it first".into()))
         } else if self.step.is_some() {
@@ -102,7 +106,14 @@ impl Simulation {
             Ok(Goal::Settled(_)) if self.is_settled() => {
                 self.next.replies.push(Reply::Done(answer))
             }
-            Ok(goal) => self.step = Some(StepJob { goal, answer }),
+            Ok(goal) => self.step = Some(StepJob { number, goal, answer }),
+        }
+    }
+
+    /// Ends a step that nobody waits for.
+    pub(super) fn forget_step(&mut self, number: u64) {
+        if self.step.as_ref().is_some_and(|job| job.number == number) {
+            self.end_step();
         }
     }
 

@@ -4,56 +4,66 @@
 //! frames: it takes in what has arrived, submits one frame for all sessions that have something to
 //! do, waits for its outcome, publishes and answers. Ticks fall on a beat of 60 frames a second;
 //! frames between beats carry out requests at once.
+//!
+//! What happens to sessions is decided by the [`core`], which is told everything; the [`driver`] has the
+//! thread, the clock, the channel, the device and the journal.
 
 mod anchors;
 mod back;
 mod backoff;
 mod begin;
+mod core;
 mod deadlines;
+mod driver;
 mod durability;
-mod engine;
+mod effect;
 mod finish;
 mod frame;
+mod lost;
 mod mail;
+mod making;
 mod manual;
 mod reading;
 mod requests;
 mod simulations;
 mod slots;
 mod storage;
-mod supervise;
 mod upkeep;
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use firn_engine::frame::{Backend, EngineError};
+use firn_engine::parallel::Executor;
 use tokio::sync::mpsc;
 use tracing::warn;
 
 use crate::machine;
 use crate::store::{Damage, Format, Loaded};
 
+use self::core::Core;
+use super::error::SessionError;
 use super::journal::{self, Assembled, Journal, Stored, Workers};
-use super::message::Message;
 use super::names::Names;
 use super::once::Answered;
 use super::pace::Pace;
 use super::registry::{DECODED_AT_ONCE, Sessions};
 use super::spec::Limits;
 use super::vitals::Vitals;
-use backoff::Backoff;
 use begin::{Beginning, ages, bring_back, fingerprint};
 use deadlines::Deadlines;
-use engine::Engine;
+use driver::Driver;
+use effect::Now;
+use lost::Device;
 use simulations::Simulations;
 use slots::Slots;
 use storage::Storage;
 
-pub(super) use reading::Read;
+pub(super) use effect::{Control, Input};
+pub(super) use making::Creation;
 
 pub use manual::{ManualJournal, ManualWorld};
 
@@ -62,8 +72,8 @@ pub use durability::{Durability, Fault, OpenBackend, StartError};
 /// Requests that may wait for the next frame before senders have to: no session has so many.
 const INBOX: usize = 1 << 16;
 
-/// Requests that are taken in before a frame, so that beats are not missed.
-const TAKEN_AT_ONCE: usize = 4096;
+/// What is told of a device that can't be used any more.
+const DEVICE_FAILED: &str = "the device has failed and is opened anew";
 
 /// How the world works.
 #[derive(Clone, Copy, Debug)]
@@ -79,7 +89,7 @@ pub struct WorldConfig {
 /// The running world. Dropping it leaves the thread running; [`World::stop`] ends it.
 #[derive(Debug)]
 pub struct World {
-    inbox: mpsc::Sender<Message>,
+    inbox: mpsc::Sender<Input>,
     thread: JoinHandle<()>,
 }
 
@@ -115,12 +125,11 @@ impl World {
         config: WorldConfig,
         durability: Durability,
     ) -> Result<(Sessions, World), StartError> {
-        let (sessions, mut engine, workers) = World::prepare(open, config, durability)?;
-        engine.journal.start(workers)?;
+        let (sessions, mut driver, workers) = World::prepare(open, config, durability)?;
+        driver.journal.start(workers)?;
         let inbox = sessions.world.clone();
-        let thread = std::thread::Builder::new()
-            .name("world".to_owned())
-            .spawn(move || engine.supervise())?;
+        let thread =
+            std::thread::Builder::new().name("world".to_owned()).spawn(move || driver.run())?;
         Ok((sessions, World { inbox, thread }))
     }
 
@@ -132,10 +141,10 @@ impl World {
         mut open: OpenBackend,
         config: WorldConfig,
         mut durability: Durability,
-    ) -> Result<(Sessions, Engine, Workers), StartError> {
+    ) -> Result<(Sessions, Driver, Workers), StartError> {
         let backend = open()?;
         let loaded = durability.store.load()?;
-        let Loaded { rows, next_key, clock: store_clock, format, damage } = loaded;
+        let Loaded { rows, next_key, clock, format, damage } = loaded;
         let (rows, mut broken) = match format {
             Format::First => journal::migrate(rows),
             Format::Present => (rows, Vec::new()),
@@ -158,7 +167,7 @@ impl World {
         if damage.is_some() {
             vitals.store.damaged();
         }
-        let answered = Arc::new(Answered::by(store_clock));
+        let answered = Arc::new(Answered::by(clock.clone()));
         let sessions = Sessions::new(
             names.clone(),
             send.clone(),
@@ -171,58 +180,80 @@ impl World {
         sessions.keys.store(next_key, Ordering::Relaxed);
         let adapter = fingerprint(backend.device());
         let (records, coming) = bring_back(&sessions, stored, heartbeat, adapter);
-        // The runtime waits for a request or for the next beat, whatever comes first, and decodes what is
-        // stored of sessions that come back.
-        let clock = tokio::runtime::Builder::new_current_thread()
+        let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_time()
             .max_blocking_threads(DECODED_AT_ONCE)
             .build()?;
-        let (nudge, ages) = (send.downgrade(), ages(&records));
-        let (journal, workers) =
-            Journal::new(durability.store, answered.clone(), vitals.store.clone(), nudge, ages);
+        let (mailbox, ages) = (send.downgrade(), ages(&records));
+        let (journal, workers) = Journal::new(
+            durability.store,
+            answered.clone(),
+            vitals.store.clone(),
+            mailbox.clone(),
+            ages,
+        );
+        let (now, stored) = (machine::now(), clock.now());
         // Where nothing was stored nobody was ever told anything.
         let new = coming.is_empty();
         let beginning = if new { Beginning::OnDisk } else { Beginning::Unwritten };
-        let engine = Engine {
-            backend,
-            open,
+        let core = Core {
+            now: Now { instant: now, stored },
+            effects: Vec::new(),
+            executor: Executor::Threads,
             config,
             checkpoint_interval: durability.checkpoint_interval,
-            inbox,
-            clock,
+            durable: journal.durable,
             names,
-            vitals,
+            vitals: vitals.clone(),
             frames,
             frame,
+            beat_due: false,
             round: heartbeat.round,
+            in_flight: None,
+            device: Device::default(),
             adapter,
             looked_after: frame,
-            next_beat: machine::now(),
-            pace: Pace::default(),
             simulations: Simulations::default(),
             busy: false,
             ends: Deadlines::default(),
             saves: Deadlines::default(),
-            hibernating: HashMap::new(),
+            hibernating: BTreeMap::new(),
             mail: BTreeMap::new(),
+            making: BTreeMap::new(),
             queue: coming.keys().copied().collect(),
             asked: VecDeque::new(),
             coming,
-            began: machine::now(),
+            began: now,
             records,
             storage: Storage::default(),
             answered,
             slots: Slots::default(),
             object_rows: Arc::default(),
-            journal,
             fallen: Vec::new(),
             checkpointing: None,
-            stop: None,
             saving: false,
-            backoff: Backoff::default(),
             beginning,
+            stop: None,
         };
-        Ok((sessions, engine, workers))
+        let driver = Driver {
+            core,
+            backend,
+            open,
+            inbox,
+            mailbox,
+            runtime,
+            journal,
+            journal_died: false,
+            clock,
+            vitals,
+            pace: Pace::default(),
+            next_beat: now,
+            inputs: VecDeque::new(),
+            effects: VecDeque::new(),
+            outcome: None,
+            end: None,
+        };
+        Ok((sessions, driver, workers))
     }
 
     /// Ends the thread after the frame under way, and writes what is left to be written.
@@ -234,7 +265,7 @@ impl World {
     /// the journal too, and the next start takes longer.
     pub fn stop_by(self, deadline: Instant) {
         // It may have ended by itself.
-        let _ = self.inbox.blocking_send(Message::Stop(deadline));
+        let _ = self.inbox.blocking_send(Input::Stop(deadline));
         let _ = self.thread.join();
     }
 }
@@ -261,4 +292,9 @@ fn tell_of_damage(
     }
     warn!("the store: {what}; its newest changes may be missing");
     Ok(broken.len() + missing.len())
+}
+
+/// The error of a request that nobody answers any more.
+pub(super) fn stopped() -> SessionError {
+    SessionError::Unavailable("the engine has stopped".to_owned())
 }

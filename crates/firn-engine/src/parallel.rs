@@ -18,18 +18,43 @@ pub fn each<A: Send, T: Send>(items: Vec<A>, act: impl Fn(A) -> T + Send + Sync)
     items.into_par_iter().with_min_len(MANY / 4).map(act).collect()
 }
 
-/// Does something with each pair of two equally long lists, in order, many at a time where there
-/// are many.
-pub fn each_pair<A: Send, B: Send, T: Send>(
-    first: Vec<A>,
-    second: Vec<B>,
-    act: impl Fn(A, B) -> T + Send + Sync,
-) -> Vec<T> {
-    if first.len() < MANY {
-        return first.into_iter().zip(second).map(|(a, b)| act(a, b)).collect();
+/// Who works on many things that have nothing to do with each other. Results are in the order of the things, so
+/// that it makes no difference to them who does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Executor {
+    /// The thread that asks.
+    OneThread,
+    /// Several threads, where that pays.
+    #[default]
+    Threads,
+}
+
+impl Executor {
+    /// Does something with each.
+    pub fn each<A: Send, T: Send>(
+        self,
+        items: Vec<A>,
+        act: impl Fn(A) -> T + Send + Sync,
+    ) -> Vec<T> {
+        match self {
+            Executor::OneThread => items.into_iter().map(act).collect(),
+            Executor::Threads => each(items, act),
+        }
     }
-    let pairs = first.into_par_iter().zip(second);
-    pairs.with_min_len(MANY / 4).map(|(a, b)| act(a, b)).collect()
+
+    /// Does something with each pair of two equally long lists.
+    pub fn each_pair<A: Send, B: Send, T: Send>(
+        self,
+        first: Vec<A>,
+        second: Vec<B>,
+        act: impl Fn(A, B) -> T + Send + Sync,
+    ) -> Vec<T> {
+        if self == Executor::OneThread || first.len() < MANY {
+            return first.into_iter().zip(second).map(|(a, b)| act(a, b)).collect();
+        }
+        let pairs = first.into_par_iter().zip(second);
+        pairs.with_min_len(MANY / 4).map(|(a, b)| act(a, b)).collect()
+    }
 }
 
 /// Processors that this process may use.

@@ -165,7 +165,7 @@ impl Simulation {
     fn turn(&mut self) -> Result<(), String> {
         let Some(life) = &mut self.life else { return Ok(()) };
         if self.dice.random_bool(0.7) {
-            let left = life.world.next_beat().saturating_duration_since(self.machine.now());
+            let left = life.world.due().saturating_duration_since(self.machine.now());
             self.machine.advance(left);
         }
         if !life.world.turn() {

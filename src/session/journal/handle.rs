@@ -11,8 +11,8 @@ use tracing::{error, warn};
 
 use crate::machine;
 use crate::session::error::SessionError;
-use crate::session::message::Message;
 use crate::session::once::{Answered, Done};
+use crate::session::world::Input;
 use crate::store::{Store, StoreError};
 use crate::threads::{self, Priority};
 
@@ -44,11 +44,12 @@ pub(super) enum Task {
     },
 }
 
-struct Job {
-    key: u64,
-    life: u64,
-    base: u64,
-    taken: Box<Taken>,
+/// A snapshot of a session in one of its lives, to be made a checkpoint that holds all entries below `base`.
+pub(crate) struct Job {
+    pub key: u64,
+    pub life: u64,
+    pub base: u64,
+    pub taken: Box<Taken>,
 }
 
 /// The world's end of the journal.
@@ -74,7 +75,7 @@ impl Journal {
         store: Box<dyn Store>,
         answered: Arc<Answered>,
         vitals: Arc<StoreVitals>,
-        nudge: WeakSender<Message>,
+        nudge: WeakSender<Input>,
         ages: Vec<(u64, Arc<Done>)>,
     ) -> (Journal, Workers) {
         if let Some((_, newest)) = ages.last() {
@@ -152,9 +153,9 @@ impl Journal {
         }
     }
 
-    /// Adds a snapshot, to be made a checkpoint that holds all entries below `base`.
-    pub fn checkpoint(&mut self, key: u64, life: u64, base: u64, taken: Box<Taken>) {
-        self.snapshots.push(Job { key, life, base, taken });
+    /// Adds a snapshot, to be made a checkpoint.
+    pub fn checkpoint(&mut self, job: Job) {
+        self.snapshots.push(job);
     }
 
     /// What the world is to be told, if anything.

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crate::machine;
 use crate::session::command::Command;
 use crate::session::handle::Session;
 use crate::session::once::Done;
@@ -67,19 +66,20 @@ impl Log {
         epochs: Epochs,
         anchor: Anchor,
         done: Option<Arc<Done>>,
+        now: Instant,
     ) -> Log {
         Log {
             create: Some(Part::Create(identity, origin, epochs)),
             anchor,
             unanchored: true,
             answered: done.into_iter().collect(),
-            outdated: Some(machine::now()),
+            outdated: Some(now),
             ..Log::default()
         }
     }
 
     /// Of a session that is brought back.
-    pub fn resumed(record: &Record, stored: &Stored) -> Log {
+    pub fn resumed(record: &Record, stored: &Stored, now: Instant) -> Log {
         let outdated = stored.checkpoint.is_none() || !stored.entries.is_empty();
         Log {
             life: record.life,
@@ -92,7 +92,7 @@ impl Log {
                 Exact::Fixed(seq) => Some(seq),
                 Exact::Runs | Exact::Stands(_) => None,
             },
-            outdated: outdated.then(machine::now),
+            outdated: outdated.then_some(now),
             ..Log::default()
         }
     }
@@ -147,8 +147,8 @@ impl Log {
     }
 
     /// Notes that cells may have changed.
-    pub fn outdate(&mut self) {
-        self.outdated.get_or_insert_with(machine::now);
+    pub fn outdate(&mut self, now: Instant) {
+        self.outdated.get_or_insert(now);
     }
 
     /// Whether the newest checkpoint is the present state, but for its clock.
@@ -172,10 +172,10 @@ impl Log {
 
     /// Notes that the newest checkpoint did not come to be; the one before it holds all entries below
     /// `base`.
-    pub fn uncover(&mut self, base: u64) {
+    pub fn uncover(&mut self, base: u64, now: Instant) {
         self.covered = base;
-        self.outdate();
-        self.not_before = machine::now().checked_add(RETRY);
+        self.outdate(now);
+        self.not_before = now.checked_add(RETRY);
     }
 
     /// When a checkpoint may be made that is wanted at some time: not at once after one that failed.
@@ -190,9 +190,9 @@ impl Log {
     }
 
     /// Whether the last frame left anything to be made durable; `ran` says whether it had cycles.
-    fn has_news(&mut self, ran: bool) -> bool {
+    fn has_news(&mut self, ran: bool, now: Instant) -> bool {
         if ran || !self.commands.is_empty() {
-            self.outdate();
+            self.outdate(now);
         }
         let waited_for = self.awaited || self.create.is_some() || self.taken.is_some();
         waited_for || !self.commands.is_empty()
@@ -247,12 +247,12 @@ impl Left {
 
 impl Simulation {
     /// What the last frame has left for the journal: nothing in the middle of a run.
-    pub(in crate::session) fn leave(&mut self) -> Left {
+    pub(in crate::session) fn leave(&mut self, now: Instant) -> Left {
         if self.portions.are_under_way() {
             return Left { append: None, checkpoint: None };
         }
         let ran = self.flight.advance.run.cycles > 0;
-        let append = self.log.has_news(ran).then(|| {
+        let append = self.log.has_news(ran, now).then(|| {
             let (seq, anchor) = (self.session.mirror().seq, self.anchor());
             self.log.take(&self.session, seq, anchor)
         });

@@ -27,7 +27,7 @@ pub(super) use anchor::{Anchor, Epochs, Exact, Heartbeat};
 pub(super) use assemble::{Assembled, assemble};
 pub use check::{StoreReport, StoredSession, check_store};
 pub(super) use entry::{Checkpoint, Entry, Head, Identity};
-pub(super) use handle::{Journal, Verdict, Workers, unstorable};
+pub(super) use handle::{Job, Journal, Verdict, Workers, unstorable};
 pub(super) use lock::Lock;
 pub(super) use log::{Left, Log, Taken};
 pub use meter::{StoreState, StoreVitals};

@@ -246,11 +246,6 @@ impl Record {
     pub fn awaits(&self, position: u64) -> bool {
         self.pending.iter().any(|pending| pending.position == position)
     }
-
-    /// Whether nothing is on its way.
-    pub fn is_quiet(&self) -> bool {
-        self.pending.is_empty()
-    }
 }
 
 impl Stored {

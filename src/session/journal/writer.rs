@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 use tokio::sync::mpsc::WeakSender;
 
 use crate::machine;
-use crate::session::message::Message;
 use crate::session::once::{Answered, Done};
+use crate::session::world::Input;
 use crate::store::{Kind, Row, Store, StoreError, Write};
 
 use super::handle::{Task, unstorable};
@@ -34,7 +34,7 @@ const LARGEST_BATCH: usize = 16_384;
 pub(super) struct Teller {
     pub tell: mpsc::Sender<Verdict>,
     /// Woken when there is something to be heard at once.
-    pub nudge: WeakSender<Message>,
+    pub nudge: WeakSender<Input>,
 }
 
 impl Teller {
@@ -42,7 +42,7 @@ impl Teller {
         // Neither is heard where the world has ended.
         let _ = self.tell.send(verdict);
         if at_once && let Some(world) = self.nudge.upgrade() {
-            let _ = world.try_send(Message::Nudge);
+            let _ = world.try_send(Input::Nudge);
         }
     }
 }

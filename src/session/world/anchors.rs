@@ -4,13 +4,14 @@
 
 use crate::session::journal::Heartbeat;
 
-use super::engine::Engine;
+use super::core::Core;
+use super::effect::Effect;
 
 /// Beats between two heartbeats. With the time for which anchors wait for company it makes less than a
 /// second.
 const ROUND: u64 = 40;
 
-impl Engine {
+impl Core {
     /// Notes how far all have come, every so many beats.
     pub(super) fn anchor_some(&mut self) {
         for key in self.simulations.active_in_turn(self.frame, ROUND) {
@@ -27,7 +28,7 @@ impl Engine {
     /// Notes how far a session has come, where that is not known already.
     pub(super) fn anchor(&mut self, key: u64) {
         // What is on its way back has not come to where its anchor is.
-        if !self.journal.durable || !self.storage.is_settled() || self.coming.contains_key(&key) {
+        if !self.durable || !self.storage.is_settled() || self.coming.contains_key(&key) {
             return;
         }
         let Some(simulation) = self.simulations.get_mut(&key) else { return };
@@ -45,7 +46,6 @@ impl Engine {
             self.anchor(key);
         }
         self.beat_heart();
-        self.journal.send();
     }
 
     /// How far the world has come.
@@ -56,8 +56,7 @@ impl Engine {
     /// Notes how far the world has come, where that says something about a session.
     fn beat_heart(&mut self) {
         if self.simulations.is_any_ticking() {
-            let heartbeat = self.heartbeat();
-            self.journal.beat(heartbeat);
+            self.effects.push(Effect::Heartbeat(self.heartbeat()));
         }
     }
 }

@@ -8,20 +8,18 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use firn_engine::frame::{EngineError, Slot};
-use firn_engine::made::Made;
 use tracing::{error, info, warn};
 
-use crate::machine;
 use crate::session::error::{Invalid, SessionError};
 use crate::session::handle::Session;
 use crate::session::journal::{Anchor, Exact, Log, Part, Replay, Stored};
-use crate::session::object_rows::ObjectRows;
 use crate::session::portion::Portions;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 
-use super::engine::Engine;
+use super::core::Core;
+use super::effect::Effect;
+use super::making::{Of, Room};
 use super::reading::{Decoded, Read};
 
 /// A session on its way back.
@@ -44,6 +42,8 @@ pub(super) enum Stage {
     Queued,
     /// What is stored of it is being read.
     Reading,
+    /// The backend takes it in.
+    Making,
     /// It goes through what has happened since its checkpoint.
     Replaying,
     /// The coming frame shows what has come of that.
@@ -78,16 +78,7 @@ impl Coming {
     }
 }
 
-/// What a session takes of the device.
-pub(super) struct Room {
-    pub slot: Slot,
-    /// In the tables of objects.
-    pub object_rows: ObjectRows,
-    /// Units that furnishing its memory costs.
-    pub units: u64,
-}
-
-impl Engine {
+impl Core {
     /// Has a session come back to what is stored of it. What its earlier life still does is void.
     pub(super) fn come_back(&mut self, session: Arc<Session>) {
         let key = session.key;
@@ -126,64 +117,51 @@ impl Engine {
         self.come_back(session);
     }
 
-    /// Takes in sessions that were read, and begins to restore them.
-    ///
-    /// # Errors
-    /// Those of the backend; sessions that were not taken in are read again then.
-    pub(super) fn take_in_all(&mut self, read: Vec<Read>) -> Result<(), EngineError> {
+    /// Takes in sessions that were read, and has the backend make room for them. Where there is none they go on
+    /// hibernating, and where they can't be read they are set aside. Waiting requests are refused, with the
+    /// reason.
+    pub(super) fn take_in_all(&mut self, read: Vec<Read>) {
         for Read { key, life, decoded } in read {
-            if self.records.get(&key).is_some_and(|record| record.life == life)
-                && self.coming.get(&key).is_some_and(|coming| coming.stage == Stage::Reading)
-            {
-                self.begin_life(key, decoded)?;
+            if !self.comes_back(key, life, Stage::Reading) {
+                continue;
+            }
+            match decoded {
+                Ok(Decoded { snapshot, made }) => {
+                    if let Some(coming) = self.coming.get_mut(&key) {
+                        coming.stage = Stage::Making;
+                    }
+                    self.make(made, Of::Return { key, life, snapshot });
+                }
+                // After a start nothing else tells the session's heights.
+                Err(SessionError::NoMemory(why)) if !self.is_at_start(key) => {
+                    self.hibernate_on(key, None, why);
+                }
+                Err(why) => self.set_aside(key, &why),
             }
         }
         self.busy = true;
-        Ok(())
     }
 
-    /// Makes room for a session and begins its replay. Where there is no room it goes on hibernating, and
-    /// where it can't be read it is set aside. Waiting requests are refused, with the reason.
-    ///
-    /// # Errors
-    /// Those of the backend.
-    fn begin_life(
+    /// Begins the replay of a session that there is room for.
+    pub(super) fn begin_replay(
         &mut self,
         key: u64,
-        decoded: Result<Decoded, SessionError>,
-    ) -> Result<(), EngineError> {
-        let room = match decoded {
-            Ok(Decoded { snapshot, made }) => {
-                let room = made.and_then(|made| self.take_in(snapshot.as_ref(), made));
-                (room, snapshot)
-            }
-            // After a start nothing else tells the session's heights.
-            Err(SessionError::NoMemory(why)) if !self.is_at_start(key) => {
-                self.hibernate_on(key, None, why);
-                return Ok(());
-            }
-            Err(why) => {
-                self.set_aside(key, &why);
-                return Ok(());
-            }
-        };
-        let (Room { slot, object_rows, units }, snapshot) = match room {
-            (Ok(room), snapshot) => (room, snapshot),
-            (Err(EngineError::OutOfMemory(why)), snapshot) => {
-                self.hibernate_on(key, snapshot.as_ref(), why);
-                return Ok(());
-            }
-            (Err(failure), _) => return Err(failure),
-        };
-        let (Some(coming), Some(record)) = (self.coming.get_mut(&key), self.records.get(&key))
+        life: u64,
+        snapshot: Option<Box<Snapshot>>,
+        room: Room,
+    ) {
+        let Room { slot, object_rows, units } = room;
+        let is_awaited = self.comes_back(key, life, Stage::Making);
+        let (Some(coming), Some(record)) =
+            (self.coming.get_mut(&key).filter(|_| is_awaited), self.records.get(&key))
         else {
-            return Ok(());
+            return self.free(slot);
         };
         coming.stage = Stage::Replaying;
         let (session, stored, at_start) =
             (coming.session.clone(), coming.stored.clone(), coming.at_start);
         session.hibernating.store(false, Ordering::Relaxed);
-        let log = Log::resumed(record, &stored);
+        let log = Log::resumed(record, &stored, self.now.instant);
         let mut simulation = Simulation::new(session, slot, self.frame, log, object_rows);
         simulation.brought_back = !at_start;
         if !self.vitals.is_recovered() {
@@ -192,36 +170,18 @@ impl Engine {
         simulation.portions.furnish(units);
         self.simulations.insert(key, simulation);
         self.guard(key, |simulation| {
-            simulation.begin_replay(snapshot.as_ref(), Replay::new(&stored, at_start));
+            simulation.begin_replay(snapshot.as_deref(), Replay::new(&stored, at_start));
         });
-        Ok(())
     }
 
-    /// Has the backend take a snowpack in.
-    ///
-    /// # Errors
-    /// Those of the backend.
-    pub(super) fn take_in(
-        &mut self,
-        saved: Option<&Snapshot>,
-        made: Made,
-    ) -> Result<Room, EngineError> {
-        let mut object_rows = ObjectRows::new(self.object_rows.clone());
-        object_rows
-            .try_take(saved.map_or(0, Snapshot::object_rows))
-            .map_err(|why| EngineError::OutOfMemory(why.to_string()))?;
-        let slot = self.slots.take();
-        match self.backend.take_in(slot, made) {
-            Ok(units) => Ok(Room { slot, object_rows, units }),
-            Err(failure) => {
-                self.slots.give_back(slot);
-                Err(failure)
-            }
-        }
+    /// Whether a session is on its way back in one of its lives, and so far.
+    fn comes_back(&self, key: u64, life: u64, stage: Stage) -> bool {
+        self.records.get(&key).is_some_and(|record| record.life == life)
+            && self.coming.get(&key).is_some_and(|coming| coming.stage == stage)
     }
 
     /// Leaves a session hibernating for which there is no room.
-    fn hibernate_on(&mut self, key: u64, saved: Option<&Snapshot>, why: String) {
+    pub(super) fn hibernate_on(&mut self, key: u64, saved: Option<&Snapshot>, why: String) {
         let Some(coming) = self.coming.get(&key) else { return };
         let session = coming.session.clone();
         if let Some(saved) = saved.filter(|_| coming.at_start) {
@@ -326,12 +286,11 @@ impl Engine {
         if self.vitals.is_recovered() || self.coming.values().any(|coming| coming.at_start) {
             return;
         }
-        let took = machine::since(self.began);
+        let took = self.now.instant.saturating_duration_since(self.began);
         info!("{} sessions are back after {took:.1?}", self.names.count());
         self.vitals.store.recovered(took);
         self.vitals.recovered.store(true, Ordering::Release);
-        // That was no lag: nobody's time passed.
-        self.next_beat = machine::now();
+        self.effects.push(Effect::Recovered);
     }
 
     /// Gives up bringing a session back. Waiting requests are refused, with the reason.

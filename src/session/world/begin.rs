@@ -6,17 +6,17 @@ use std::sync::Arc;
 
 use firn_engine::frame::DeviceInfo;
 use tracing::{info, warn};
+use ulid::Ulid;
 
 use crate::machine;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::{Anchor, Exact, Heartbeat, Part, Record, Stored};
-use crate::session::message::Message;
 use crate::session::once::Done;
 use crate::session::registry::Sessions;
 
 use super::back::Coming;
-use super::engine::Engine;
+use super::core::Core;
 
 /// How far it is written where this life of the server begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub(super) enum Beginning {
     OnDisk,
 }
 
-impl Engine {
+impl Core {
     /// Writes where this life begins, and whether that is on disk: seqs that anybody is told from here on are
     /// never given out again, nor is the time since the last heartbeat ever counted.
     pub(super) fn has_begun(&mut self) -> bool {
@@ -43,20 +43,13 @@ impl Engine {
         self.beginning == Beginning::OnDisk
     }
 
-    /// Refuses what is asked before this life has begun. False means that it was told to stop.
-    pub(super) fn turn_away(&mut self, first: Option<Message>) -> bool {
-        let why = SessionError::Unavailable(
-            "sessions come back as soon as the data directory can be written to".to_owned(),
-        );
-        let waiting = std::iter::from_fn(|| self.inbox.try_recv().ok());
-        for message in first.into_iter().chain(waiting) {
-            if let Message::Stop(until) = message {
-                self.stop = Some(until);
-                return false;
-            }
-            message.refuse(&why);
-        }
-        true
+    /// Why nothing can be asked before this life has begun, if it has not.
+    pub(super) fn not_begun(&self) -> Option<SessionError> {
+        (self.beginning != Beginning::OnDisk).then(|| {
+            SessionError::Unavailable(
+                "sessions come back as soon as the data directory can be written to".to_owned(),
+            )
+        })
     }
 }
 
@@ -68,7 +61,7 @@ pub(super) fn fingerprint(device: &DeviceInfo) -> u64 {
 }
 
 /// Begins another epoch of a session that outlived the last stop. Returns what has to be written of that.
-fn begin_epoch(stored: &mut Stored, heartbeat: Heartbeat, adapter: u64) -> Vec<Part> {
+fn begin_epoch(stored: &mut Stored, name: Ulid, heartbeat: Heartbeat, adapter: u64) -> Vec<Part> {
     let newest_entry = stored.entries.back().map_or(0, |entry| entry.seq);
     let saved = stored.checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.seq);
     let mut durable = stored.anchor.durable(heartbeat, newest_entry).max(saved);
@@ -78,7 +71,7 @@ fn begin_epoch(stored: &mut Stored, heartbeat: Heartbeat, adapter: u64) -> Vec<P
         durable = durable.min(saved);
         stored.epochs.bound(saved);
     }
-    stored.epochs.begin(machine::ulid(), durable);
+    stored.epochs.begin(name, durable);
     let first = stored.epochs.first_seq();
     let (tick, exact) = (stored.tick_at(heartbeat.frame), Exact::Stands(first));
     let mut anchor = Anchor { tick, frame: heartbeat.frame, rate: 0.0, offset: 0, exact, adapter };
@@ -101,7 +94,7 @@ pub(super) fn bring_back(
     let mut coming = BTreeMap::new();
     let mut records = BTreeMap::new();
     for (key, mut stored) in stored {
-        let mut first = begin_epoch(&mut stored, heartbeat, adapter);
+        let mut first = begin_epoch(&mut stored, machine::ulid(), heartbeat, adapter);
         let identity = (*stored.identity).clone();
         let (origin, epochs) = (stored.origin.clone(), stored.epochs.clone());
         let made = Session::identified(sessions, key, identity, epochs, origin)

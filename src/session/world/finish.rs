@@ -1,26 +1,84 @@
-//! The end of the world's thread: everything comes to its end, and what is not covered yet is saved.
+//! The end of everything: time stands still, what is under way comes to its end, and what is not covered yet is
+//! saved.
 
-use std::collections::HashSet;
-use std::time::{Duration, Instant};
+use std::collections::BTreeSet;
+use std::time::Instant;
 
-use tracing::{info, warn};
+use tracing::info;
 
-use crate::machine;
 use crate::session::error::SessionError;
-use crate::session::journal::{Record, Verdict};
 use crate::session::simulation::Simulation;
 
-use super::engine::Engine;
+use super::core::Core;
+use super::effect::Effect;
 
 /// Cells of which checkpoints are made at a time when the server stops: their snapshots are in memory
 /// until they are compressed.
 const LAST_CHECKPOINTS: u64 = 4 << 20;
 
-impl Engine {
-    /// Writes how far all have come, and the last checkpoints, where it was told to stop.
-    pub(super) fn finish(&mut self) {
-        let Some(deadline) = self.stop.filter(|_| self.journal.durable) else { return };
-        let began = machine::now();
+/// How far everything has come to its end.
+pub(super) struct Stop {
+    /// Nothing is begun after this.
+    until: Instant,
+    began: Instant,
+    stage: Stage,
+    /// Sessions of which checkpoints are being made, and those that are left.
+    wave: BTreeSet<u64>,
+    left: Vec<u64>,
+    /// Checkpoints that are wanted, and those that are stored.
+    wanted: usize,
+    made: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Told,
+    /// Steps end where they are, and runs come to their end.
+    StandingStill,
+    Saving,
+    Over,
+}
+
+impl Stop {
+    /// By some time.
+    pub fn by(until: Instant, began: Instant) -> Stop {
+        let (wave, left, stage) = (BTreeSet::new(), Vec::new(), Stage::Told);
+        Stop { until, began, stage, wave, left, wanted: 0, made: 0 }
+    }
+
+    /// Notes that a checkpoint is stored, or never will be.
+    pub fn checkpointed(&mut self, key: u64, stored: bool) {
+        if self.wave.remove(&key) {
+            self.made += usize::from(stored);
+        }
+    }
+}
+
+impl Core {
+    /// Does the next of what is to be done at the end.
+    pub(super) fn go_on_stopping(&mut self) {
+        let Some(Stop { until, stage, .. }) = self.stop else { return };
+        let in_time = self.now.instant < until;
+        self.busy = false;
+        match stage {
+            Stage::Told if self.durable => self.stand_still(),
+            Stage::StandingStill if in_time && self.have_runs_ended() => {}
+            Stage::StandingStill => self.begin_saving(),
+            Stage::Saving if in_time && self.storage.refusal().is_none() && self.save_more() => {}
+            Stage::Told | Stage::Saving => self.be_over(),
+            Stage::Over => {}
+        }
+    }
+
+    fn set_stage_of_stop(&mut self, stage: Stage) {
+        if let Some(stop) = &mut self.stop {
+            stop.stage = stage;
+        }
+        self.busy = true;
+    }
+
+    /// Has time stand still everywhere.
+    fn stand_still(&mut self) {
         let why = SessionError::Unavailable("the server is stopping".to_owned());
         // What is stored of sessions that panicked, or come back, is right, and what is here is not.
         let coming: Vec<u64> = self.coming.keys().copied().collect();
@@ -28,43 +86,71 @@ impl Engine {
             self.give_up_coming(key, &why);
             self.remove(key, &why);
         }
-        self.stand_still(deadline);
-        self.anchor_all();
-        let mut left = self.sound_ones(|simulation| !simulation.log.is_covered());
-        let (count, mut made) = (left.len(), 0);
-        while !left.is_empty() && machine::now() < deadline && self.storage.refusal().is_none() {
-            let mut wave = self.next_to_save(&mut left);
-            if let Err(failure) = self.carry_out_frame(false) {
-                warn!("no last checkpoints: {failure}");
-                break;
-            }
-            wave.retain(|key| !self.fallen.contains(key));
-            made += self.wait_for_checkpoints(wave, deadline);
-        }
-        info!("{made} of {count} last checkpoints after {:.1?}", machine::since(began));
-    }
-
-    /// Has time stand still everywhere: steps end where they are, and what is under way is brought
-    /// to its end.
-    fn stand_still(&mut self, deadline: Instant) {
         let frame = self.frame;
         for (_, simulation) in self.simulations.iter_mut() {
             simulation.catch_up(frame);
             simulation.frozen = true;
         }
-        while machine::now() < deadline {
-            self.drain_mail();
-            self.simulations.iter_mut().for_each(|(_, simulation)| simulation.end_step());
-            let busy = self.sound_ones(Simulation::has_orders);
-            if busy.is_empty() {
-                return;
-            }
-            busy.into_iter().for_each(|key| self.simulations.set_active(key, true));
-            if let Err(failure) = self.carry_out_frame(false) {
-                warn!("runs were not ended: {failure}");
-                return;
+        self.set_stage_of_stop(Stage::StandingStill);
+    }
+
+    /// Has a frame carried out for what is under way. Returns whether anything is.
+    fn have_runs_ended(&mut self) -> bool {
+        self.drain_mail();
+        self.simulations.iter_mut().for_each(|(_, simulation)| simulation.end_step());
+        let busy = self.sound_ones(Simulation::has_orders);
+        let any = !busy.is_empty();
+        busy.into_iter().for_each(|key| self.simulations.set_active(key, true));
+        if any {
+            self.begin_frame(false, false);
+            self.busy = true;
+        }
+        any
+    }
+
+    /// Writes how far all have come, and begins the last checkpoints.
+    fn begin_saving(&mut self) {
+        self.anchor_all();
+        let left = self.sound_ones(|simulation| !simulation.log.is_covered());
+        if let Some(stop) = &mut self.stop {
+            (stop.wanted, stop.left) = (left.len(), left);
+        }
+        self.set_stage_of_stop(Stage::Saving);
+    }
+
+    /// Has the next checkpoints made once those before are stored. Returns whether there are more to come.
+    fn save_more(&mut self) -> bool {
+        let Some(stop) = &mut self.stop else { return false };
+        stop.wave.retain(|key| !self.fallen.contains(key) && self.simulations.contains_key(key));
+        if !stop.wave.is_empty() {
+            return true;
+        }
+        self.simulations.take_active();
+        let mut cells = 0;
+        while cells < LAST_CHECKPOINTS
+            && let Some(key) = stop.left.pop()
+        {
+            if let Some(simulation) = self.simulations.get_mut(&key) {
+                simulation.next.checkpoint = true;
+                cells += simulation.session.spec.grid.padded_cells();
+                self.simulations.set_active(key, true);
+                stop.wave.insert(key);
             }
         }
+        let any = !stop.wave.is_empty();
+        if any {
+            self.begin_frame(false, false);
+        }
+        any
+    }
+
+    fn be_over(&mut self) {
+        if let Some(Stop { began, wanted, made, .. }) = self.stop {
+            let took = self.now.instant.saturating_duration_since(began);
+            info!("{made} of {wanted} last checkpoints after {took:.1?}");
+        }
+        self.set_stage_of_stop(Stage::Over);
+        self.effects.push(Effect::Stopped);
     }
 
     /// Keys of the sessions of which something holds, those left out that panicked.
@@ -73,44 +159,5 @@ impl Engine {
         let all = self.simulations.iter_mut();
         let found = all.filter(|(key, simulation)| !fallen.contains(key) && holds(simulation));
         found.map(|(key, _)| key).collect()
-    }
-
-    /// Has checkpoints made of some sessions in the next frame, and of no others.
-    fn next_to_save(&mut self, left: &mut Vec<u64>) -> HashSet<u64> {
-        let (mut wave, mut cells) = (HashSet::new(), 0);
-        self.simulations.take_active();
-        while cells < LAST_CHECKPOINTS
-            && let Some(key) = left.pop()
-        {
-            if let Some(simulation) = self.simulations.get_mut(&key) {
-                simulation.next.checkpoint = true;
-                cells += simulation.session.spec.grid.padded_cells();
-                self.simulations.set_active(key, true);
-                wave.insert(key);
-            }
-        }
-        wave
-    }
-
-    /// Waits until checkpoints are stored. Returns how many are.
-    fn wait_for_checkpoints(&mut self, mut wave: HashSet<u64>, deadline: Instant) -> usize {
-        let (mut packed, mut made) = (HashSet::new(), 0);
-        while !wave.is_empty() && machine::now() < deadline && self.storage.refusal().is_none() {
-            let patience = deadline.saturating_duration_since(machine::now());
-            let Some(verdict) = self.journal.wait(patience.min(Duration::from_secs(1))) else {
-                continue;
-            };
-            match &verdict {
-                Verdict::Packed { key, checkpoint: Some(_), .. } => drop(packed.insert(*key)),
-                Verdict::Packed { key, checkpoint: None, .. } => drop(wave.remove(key)),
-                _ => {}
-            }
-            self.hear(verdict);
-            let stored = |key: &u64| self.records.get(key).is_none_or(Record::is_quiet);
-            let before = wave.len();
-            wave.retain(|key| !(packed.contains(key) && stored(key)));
-            made += before - wave.len();
-        }
-        made
     }
 }

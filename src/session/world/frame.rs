@@ -3,31 +3,32 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
 
-use firn_engine::frame::{EngineError, Frame, Outcome, Work};
-use firn_engine::parallel;
+use firn_engine::frame::{Frame, Outcome, Work};
+use firn_engine::parallel::Executor;
 
-use crate::machine;
 use crate::session::charge::{Bill, Charge, who_waits};
 use crate::session::gather::MOST_SAMPLES;
 use crate::session::journal::Left;
 use crate::session::simulation::Simulation;
 use crate::session::turn::Turn;
-use crate::session::vitals::FrameTime;
 
-use super::engine::Engine;
+use super::core::Core;
+use super::effect::{Effect, Now};
 use super::simulations::Simulations;
 
-/// Longest wait for the device at a time.
-const PATIENCE: Duration = Duration::from_millis(100);
+/// A frame that the backend has.
+pub(super) struct InFlight {
+    /// Places of the simulations that it is for, in the order of its work.
+    places: Vec<usize>,
+    /// A beat came with it.
+    beat: bool,
+}
 
-impl Engine {
-    /// Submits one frame for everybody who has something to do, concludes it, and says what it
-    /// took.
-    pub(super) fn carry_out_frame(&mut self, publish: bool) -> Result<FrameTime, EngineError> {
+impl Core {
+    /// Has one frame carried out for everybody who has something to do.
+    pub(super) fn begin_frame(&mut self, publish: bool, beat: bool) {
         self.busy = false;
-        let mut lap = Lap(machine::now());
         let turn = Turn {
             frame: self.frame,
             round: self.round + 1,
@@ -37,57 +38,65 @@ impl Engine {
         };
         // Nobody waits where all of them come back or are saved.
         let take_turns = self.vitals.is_recovered() && self.stop.is_none();
-        let Planned { work, part, mut idle, mut failed, waiting } =
-            plan(&mut self.simulations, turn, take_turns);
+        let Planned { work, places, idle, failed, waiting } =
+            plan(&mut self.simulations, self.executor, turn, take_turns);
         self.vitals.waits.fetch_add(waiting.over_share + waiting.for_others, Ordering::Relaxed);
         // What a share allows is a matter of time: the next beat is soon enough.
         self.busy |= waiting.for_others > 0;
-        let mut time = FrameTime { sessions: part.len() as u32, ..FrameTime::default() };
-        time.parts.planning = lap.next();
-        if !part.is_empty() {
-            self.round = turn.round;
-            self.backend.submit(Frame { work })?;
-            time.parts.submitting = lap.next();
-            let outcome = loop {
-                if let Some(outcome) = self.backend.poll(PATIENCE)? {
-                    break outcome;
-                }
-            };
-            time.parts.waiting = lap.next();
-            time.published_tiles = outcome.published.count();
-            let bill = Bill { took: outcome.took, units: units(&part, &outcome) };
-            self.vitals.charge(bill.sum());
-            for done in conclude(part, outcome, bill) {
-                match done.left {
-                    Some(left) => {
-                        time.checkpoints += u32::from(left.checkpoint.is_some());
-                        self.hand_over(done.key, left);
-                    }
-                    None => failed.push(done.key),
-                }
-                if done.review {
-                    idle.push(done.key);
-                }
-            }
-            self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
-            self.vitals.note_stages(&self.backend.stage_times()?);
-        }
-        self.journal.send();
         failed.into_iter().for_each(|key| self.fell(key));
         for key in idle {
             self.review(key);
         }
+        if work.is_empty() {
+            self.end_frame(beat);
+        } else {
+            self.round += 1;
+            self.in_flight = Some(InFlight { places, beat });
+            self.effects.push(Effect::Submit(Frame { work }));
+        }
+    }
+
+    /// Takes in what a frame has done.
+    pub(super) fn conclude_frame(&mut self, outcome: Outcome) {
+        let Some(InFlight { places, beat }) = self.in_flight.take() else { return };
+        let part = self.simulations.at_mut(&places);
+        let bill = Bill { took: outcome.took, units: units(&part, &outcome) };
+        self.vitals.charge(bill.sum());
+        let (mut failed, mut idle) = (Vec::new(), Vec::new());
+        for done in conclude(part, self.executor, outcome, bill, self.now) {
+            match done.left {
+                Some(left) => self.hand_over(done.key, left),
+                None => failed.push(done.key),
+            }
+            if done.review {
+                idle.push(done.key);
+            }
+        }
+        failed.into_iter().for_each(|key| self.fell(key));
+        for key in idle {
+            self.review(key);
+        }
+        self.end_frame(beat);
+    }
+
+    /// What follows each frame.
+    fn end_frame(&mut self, beat: bool) {
+        if self.stop.is_some() {
+            return;
+        }
         self.busy |= self.has_mail();
-        time.parts.concluding = lap.next();
-        Ok(time)
+        self.advance_coming();
+        if beat {
+            self.saving = self.begin_checkpoint();
+        }
     }
 }
 
 /// What simulations do in a frame.
-struct Planned<'s> {
+struct Planned {
     work: Vec<Work>,
-    /// Those that it is for, in the same order.
-    part: Vec<&'s mut Simulation>,
+    /// Places of those that it is for, in the same order.
+    places: Vec<usize>,
     /// Keys of those with nothing to do.
     idle: Vec<u64>,
     /// Keys of those that panicked.
@@ -105,28 +114,36 @@ struct Waiting {
 }
 
 /// Asks the active simulations what they do in a frame. Those that take long may have to wait.
-fn plan<'s>(simulations: &'s mut Simulations, turn: Turn, take_turns: bool) -> Planned<'s> {
+fn plan(
+    simulations: &mut Simulations,
+    executor: Executor,
+    turn: Turn,
+    take_turns: bool,
+) -> Planned {
     let mut part = simulations.active_mut();
     let waiting = if take_turns { wait(&mut part, turn) } else { Waiting::default() };
     wait_for_room(&mut part, turn);
-    let plans =
-        parallel::each(part.iter_mut().collect(), |simulation| caught(|| simulation.plan(turn)));
-    let (mut idle, mut failed) = (Vec::new(), Vec::new());
-    let mut members = std::mem::take(&mut part).into_iter();
-    part.reserve(plans.len());
-    let work = plans.into_iter().filter_map(|plan| {
-        let simulation = members.next()?;
+    let places: Vec<usize> = part.iter().map(|simulation| simulation.place).collect();
+    let plans = executor
+        .each(part, |simulation| (simulation.session.key, caught(|| simulation.plan(turn))));
+    let mut planned = Planned {
+        work: Vec::with_capacity(plans.len()),
+        places: Vec::with_capacity(plans.len()),
+        idle: Vec::new(),
+        failed: Vec::new(),
+        waiting,
+    };
+    for (place, (key, plan)) in places.into_iter().zip(plans) {
         match plan {
             Some(Some(work)) => {
-                part.push(simulation);
-                return Some(work);
+                planned.places.push(place);
+                planned.work.push(work);
             }
-            Some(None) => idle.push(simulation.session.key),
-            None => failed.push(simulation.session.key),
+            Some(None) => planned.idle.push(key),
+            None => planned.failed.push(key),
         }
-        None
-    });
-    Planned { work: work.collect(), part, idle, failed, waiting }
+    }
+    planned
 }
 
 /// Takes those out that wait for another frame.
@@ -208,33 +225,25 @@ fn units(part: &[&mut Simulation], outcome: &Outcome) -> u64 {
 /// Lets simulations take in their outcomes, in the order of the frame's work. For most of them there is nothing to be done after that.
 fn conclude(
     part: Vec<&mut Simulation>,
+    executor: Executor,
     outcome: Outcome,
     bill: Bill,
+    now: Now,
 ) -> impl Iterator<Item = Concluded> + use<> {
     let published = &outcome.published;
-    let concluded = parallel::each_pair(part, outcome.work, |simulation, work| {
+    let concluded = executor.each_pair(part, outcome.work, |simulation, work| {
         let left = caught(|| {
             let units = simulation.portions.units(&work);
             simulation.charge(units, bill.part(units));
             let tiles = published.tiles(work.tiles.clone());
-            simulation.conclude(work, tiles);
-            simulation.leave()
+            simulation.conclude(work, tiles, now.stored);
+            simulation.leave(now.instant)
         });
         let review = simulation.has_orders() || !simulation.wants_frames();
         let nothing = !review && left.as_ref().is_some_and(Left::is_nothing);
         (!nothing).then(|| Box::new(Concluded { key: simulation.session.key, left, review }))
     });
     concluded.into_iter().flatten().map(|concluded| *concluded)
-}
-
-/// Takes the times from one moment to the next.
-struct Lap(Instant);
-
-impl Lap {
-    fn next(&mut self) -> Duration {
-        let now = machine::now();
-        now.duration_since(std::mem::replace(&mut self.0, now))
-    }
 }
 
 /// The value, or nothing where there was a panic.

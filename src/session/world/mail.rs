@@ -5,10 +5,10 @@ use crate::session::error::SessionError;
 use crate::session::inbox::Request;
 use crate::session::simulation::Simulation;
 
-use super::engine::Engine;
+use super::core::Core;
 use super::requests::gone;
 
-impl Engine {
+impl Core {
     /// Puts a request into the inbox of its session, and wakes that.
     pub(super) fn post(&mut self, key: u64, request: Request) {
         if self.session(key).is_none() {

@@ -1,15 +1,15 @@
-//! A world without threads, for simulations: whoever has it says who works when.
+//! A world without threads, for simulations: who has it says who works when.
 
 use std::time::Instant;
 
 use crate::session::journal::Workers;
 use crate::session::registry::Sessions;
 
-use super::engine::Engine;
+use super::driver::{Driver, End};
 use super::{Durability, OpenBackend, StartError, World, WorldConfig};
 
 /// What the world's thread does, turn by turn.
-pub struct ManualWorld(Engine);
+pub struct ManualWorld(Driver);
 
 /// What the journal's threads do, turn by turn.
 pub struct ManualJournal(Workers);
@@ -24,24 +24,24 @@ impl ManualWorld {
         config: WorldConfig,
         durability: Durability,
     ) -> Result<(Sessions, ManualWorld, ManualJournal), StartError> {
-        let (sessions, engine, workers) = World::prepare(open, config, durability)?;
-        Ok((sessions, ManualWorld(engine), ManualJournal(workers)))
+        let (sessions, driver, workers) = World::prepare(open, config, durability)?;
+        Ok((sessions, ManualWorld(driver), ManualJournal(workers)))
     }
 
     /// Takes in what has arrived, and does a frame. False means that the world is at its end.
     pub fn turn(&mut self) -> bool {
-        self.0.go_on(None)
+        self.0.turn(None);
+        self.0.end != Some(End::Over)
     }
 
-    /// When the next beat is due.
-    pub fn next_beat(&self) -> Instant {
-        self.0.next_beat
+    /// When there is something to do at the latest, as a beat.
+    pub fn due(&self) -> Instant {
+        self.0.due()
     }
 
     /// Ends the world; what may be saved before a deadline is.
-    pub fn stop(mut self, deadline: Instant) {
-        self.0.stop = Some(deadline);
-        self.0.close();
+    pub fn stop(self, deadline: Instant) {
+        self.0.stop(deadline);
     }
 }
 

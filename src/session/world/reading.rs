@@ -4,20 +4,18 @@ use std::sync::Arc;
 
 use firn_engine::frame::EngineError;
 use firn_engine::made::{Made, Maker};
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use tracing::debug;
 
-use crate::machine;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::{Replay, Stored};
-use crate::session::message::Message;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 use crate::session::spec::Limits;
 
 use super::back::{Coming, Stage};
-use super::engine::Engine;
+use super::core::Core;
+use super::effect::Effect;
 use super::frame::caught;
 
 /// Cells that are read and not restored yet, unless one session has more.
@@ -25,7 +23,7 @@ const WAVE: u64 = 16 << 20;
 
 /// A session as it was stored, ready to be taken in.
 pub(in crate::session) struct Decoded {
-    pub snapshot: Option<Snapshot>,
+    pub snapshot: Option<Box<Snapshot>>,
     pub made: Result<Made, EngineError>,
 }
 
@@ -37,7 +35,7 @@ impl Decoded {
     fn new(session: &Session, stored: &Stored, maker: Maker) -> Result<Decoded, SessionError> {
         let checkpoint = stored.checkpoint.as_ref();
         let snapshot = checkpoint.map(|saved| Snapshot::decode(&saved.snapshot, &Limits::NONE));
-        let snapshot = snapshot.transpose()?;
+        let snapshot = snapshot.transpose()?.map(Box::new);
         let made = maker.make(Simulation::layout(&session.spec));
         Ok(Decoded { snapshot, made })
     }
@@ -50,7 +48,7 @@ pub(in crate::session) struct Read {
     pub decoded: Result<Decoded, SessionError>,
 }
 
-impl Engine {
+impl Core {
     /// Begins to read the next sessions, as many as memory allows.
     pub(super) fn read_next(&mut self) {
         if self.queue.is_empty() && self.asked.is_empty() {
@@ -62,8 +60,9 @@ impl Engine {
             replay.is_some_and(Replay::restores)
         };
         // What was read takes memory until it is restored.
-        let takes_memory =
-            |(key, coming): &(&u64, &Coming)| coming.stage == Stage::Reading || restores(key);
+        let takes_memory = |(key, coming): &(&u64, &Coming)| {
+            matches!(coming.stage, Stage::Reading | Stage::Making) || restores(key)
+        };
         let under_way = self.coming.iter().filter(takes_memory);
         let mut cells = under_way.map(|(_, coming)| coming.cells()).sum::<u64>();
         let mut wave = Vec::new();
@@ -83,29 +82,29 @@ impl Engine {
             coming.stage = Stage::Reading;
             debug!(session = coming.session().id, "comes back");
             let life = self.records.get(&key).map_or(0, |record| record.life);
-            wave.push((coming.session().clone(), coming.stored.clone(), life));
+            let (session, stored) = (coming.session().clone(), coming.stored.clone());
+            wave.push(Wanted { session, stored, life });
         }
         if !wave.is_empty() {
-            self.read(wave);
+            self.effects.push(Effect::Read(wave));
         }
     }
+}
 
-    fn read(&self, wave: Vec<(Arc<Session>, Stored, u64)>) {
-        let maker = self.backend.maker();
-        let decode = move |(session, stored, life): (Arc<Session>, Stored, u64)| {
-            let decoded = caught(|| Decoded::new(&session, &stored, maker)).unwrap_or_else(|| {
-                Err(SessionError::Internal("reading its checkpoint failed".to_owned()))
-            });
-            Read { key: session.key, life, decoded }
-        };
-        let world = wave.first().map(|(session, ..)| session.world.clone());
-        let work = move || {
-            let read = wave.into_par_iter().map(decode).collect();
-            if let Some(world) = world {
-                // Where the world has ended, nobody waits for it.
-                let _ = world.blocking_send(Message::Read(read));
-            }
-        };
-        machine::aside(Box::new(work), |work| drop(self.clock.spawn_blocking(work)));
+/// A session that is to be read.
+pub(in crate::session) struct Wanted {
+    session: Arc<Session>,
+    stored: Stored,
+    life: u64,
+}
+
+impl Wanted {
+    /// Reads it. A panic is its own.
+    pub fn read(self, maker: Maker) -> Read {
+        let Wanted { session, stored, life } = self;
+        let decoded = caught(|| Decoded::new(&session, &stored, maker)).unwrap_or_else(|| {
+            Err(SessionError::Internal("reading its checkpoint failed".to_owned()))
+        });
+        Read { key: session.key, life, decoded }
     }
 }

@@ -1,50 +1,57 @@
-//! What reaches the world, taken in between frames.
+//! What the core is told, taken in between frames.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
-
-use firn_engine::frame::EngineError;
-use firn_engine::made::Made;
-use tracing::warn;
 
 use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::{Anchor, Identity, Log, Part};
-use crate::session::message::{Control, Message};
-use crate::session::once::Done;
 use crate::session::orders::Reply;
-use crate::session::receipt::Receipted;
 use crate::session::simulation::Simulation;
-use crate::session::snapshot::Snapshot;
 use crate::session::token::TokenHashes;
 
-use super::Fault;
-use super::back::{Coming, Room};
-use super::engine::Engine;
+use super::back::Coming;
+use super::core::Core;
+use super::effect::{Control, Input};
+use super::finish::Stop;
+use super::making::{Creation, Of, Room};
 
-impl Engine {
-    /// Takes in what has arrived. Returns false where it says to stop.
-    ///
-    /// # Errors
-    /// Those of the backend, where sessions come back.
-    pub(super) fn take_message(&mut self, message: Message) -> Result<bool, EngineError> {
-        match message {
-            Message::Create { session, made, saved, done, reply } => {
-                self.create(session, made, saved, done, reply);
-            }
-            Message::Request { key, request } => self.post(key, request),
-            Message::Control { key, control } => self.control(key, control),
-            Message::Read(read) => self.take_in_all(read)?,
-            Message::Nudge => {}
-            Message::Break(Fault::LoseDevice) => self.backend.lose(),
-            Message::Break(Fault::Panic) => panic!("a test asked for this"),
-            Message::Stop(deadline) => {
-                self.stop = Some(deadline);
-                return Ok(false);
-            }
+impl Core {
+    pub(super) fn take_input(&mut self, input: Input) {
+        match input {
+            Input::Create { creation, made } => match self.refusal() {
+                Some(why) => creation.reply.refuse(&why),
+                None => self.make(Ok(made), Of::Creation(creation)),
+            },
+            Input::Request { key, request } => match self.absence() {
+                Some(why) => request.refuse(&why),
+                None => self.post(key, request),
+            },
+            Input::Control { key, control } => match self.absence() {
+                Some(why) => control.refuse(&why),
+                None => self.control(key, control),
+            },
+            Input::Beat => self.beat_due = true,
+            Input::Made { slot, result } => self.made(slot, result),
+            Input::Done(outcome) => self.conclude_frame(outcome),
+            Input::Lost(why) => self.lose_device(why),
+            Input::Opened(is_open) => self.opened(is_open),
+            Input::Read(read) => self.take_in_all(read),
+            Input::Journal(verdict) => self.hear(verdict),
+            Input::JournalDied => self.lose_journal(),
+            Input::Stop(until) => self.stop = Some(Stop::by(until, self.now.instant)),
+            Input::Nudge | Input::Break(_) => {}
         }
-        Ok(true)
+    }
+
+    /// Why nothing can be asked now, if that is so.
+    fn absence(&self) -> Option<SessionError> {
+        self.not_begun().or_else(|| self.device.refusal())
+    }
+
+    /// Why nothing can be changed now, if that is so.
+    fn refusal(&self) -> Option<SessionError> {
+        self.absence().or_else(|| self.storage.refusal())
     }
 
     /// Does something of a session at once.
@@ -58,6 +65,7 @@ impl Engine {
             Control::Tokens(hashes, reply) => self.set_tokens(session, hashes, reply),
             Control::Unlock(reply) => self.unlock(key, reply),
             Control::Wake => self.wake(key),
+            Control::EndStep(number) => self.end_step(key, number),
         }
     }
 
@@ -68,32 +76,17 @@ impl Engine {
         simulated.or_else(|| self.hibernating.get(&key)).or_else(coming)
     }
 
-    fn create(
-        &mut self,
-        session: Arc<Session>,
-        made: Made,
-        saved: Option<Box<Snapshot>>,
-        done: Option<Arc<Done>>,
-        reply: Answer<Receipted<()>>,
-    ) {
-        if let Some(why) = self.storage.refusal() {
-            reply.refuse(&why);
-            return;
-        }
-        let Room { slot, object_rows, units } = match self.take_in(saved.as_deref(), made) {
-            Ok(room) => room,
-            Err(failure) => {
-                warn!(session = session.id, "not created: {failure}");
-                reply.refuse(&failure.into());
-                return;
-            }
-        };
+    /// Begins a session that there is room for.
+    pub(super) fn begin_session(&mut self, creation: Creation, room: Room) {
+        let Creation { session, saved, done, reply } = creation;
+        let Room { slot, object_rows, units } = room;
         let key = session.key;
         let mut anchor = Anchor { adapter: self.adapter, ..Anchor::default() };
         anchor.set_seq(self.round, session.epochs.first_seq());
         let identity = Arc::new(session.identity());
         let (origin, epochs) = (session.origin.clone(), session.epochs.clone());
-        let log = Log::created(identity, origin, epochs, anchor, done);
+        let now = self.now.instant;
+        let log = Log::created(identity, origin, epochs, anchor, done, now);
         let mut simulation = Simulation::new(session, slot, self.frame, log, object_rows);
         simulation.portions.furnish(units);
         self.simulations.insert(key, simulation);
@@ -114,6 +107,15 @@ impl Engine {
         self.submit_parts(session.key, vec![Part::Identity(identity)], Some(reply));
     }
 
+    /// Ends a step that nobody waits for any more, at the tick it has reached, or before it has begun.
+    fn end_step(&mut self, key: u64, number: u64) {
+        if let Some(inbox) = self.mail.get_mut(&key) {
+            inbox.forget_step(number);
+        }
+        self.guard(key, |simulation| simulation.forget_step(number));
+        self.review(key);
+    }
+
     /// Unlocks a session, once that is durable.
     fn unlock(&mut self, key: u64, reply: Answer<()>) {
         match self.storage.refusal() {
@@ -128,12 +130,10 @@ impl Engine {
         if self.checkpointing == Some(key) {
             self.checkpointing = None;
         }
-        self.backend.release(simulation.slot);
-        self.slots.give_back(simulation.slot);
+        self.free(simulation.slot);
         let session = simulation.session.clone();
         self.refuse_mail(key, why);
         self.forget(key, &session);
-        self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
         simulation.refuse_all(why);
     }
 }

@@ -31,11 +31,12 @@ impl Simulations {
     }
 
     /// Adds a simulation, at rest.
-    pub fn insert(&mut self, key: u64, simulation: Simulation) {
+    pub fn insert(&mut self, key: u64, mut simulation: Simulation) {
         let place = self.free.pop_first().unwrap_or_else(|| {
             self.all.push(None);
             self.all.len() - 1
         });
+        simulation.place = place;
         self.all[place] = Some(Box::new(simulation));
         self.places.insert(key, place);
     }
@@ -73,16 +74,14 @@ impl Simulations {
         self.active.iter().filter(turn).filter_map(key).collect()
     }
 
-    /// All that want to be in the coming frames.
+    /// All that want to be in the coming frames, in the order of their places.
     pub fn active_mut(&mut self) -> Vec<&mut Simulation> {
-        let mut found = Vec::with_capacity(self.active.len());
-        let (mut rest, mut first) = (self.all.as_mut_slice(), 0);
-        for &place in &self.active {
-            let (head, tail) = rest.split_at_mut(place - first + 1);
-            found.extend(head.last_mut().and_then(|simulation| simulation.as_deref_mut()));
-            (rest, first) = (tail, place + 1);
-        }
-        found
+        some_of(&mut self.all, self.active.iter().copied())
+    }
+
+    /// Those at some places, in ascending order.
+    pub fn at_mut(&mut self, places: &[usize]) -> Vec<&mut Simulation> {
+        some_of(&mut self.all, places.iter().copied())
     }
 
     /// Has none of them in the coming frames. Returns those that were to be.
@@ -106,6 +105,20 @@ impl Simulations {
     pub fn into_iter(self) -> impl Iterator<Item = (u64, Box<Simulation>)> {
         self.all.into_iter().flatten().map(|simulation| (simulation.session.key, simulation))
     }
+}
+
+/// Those at some places, in ascending order.
+fn some_of(
+    mut rest: &mut [Option<Box<Simulation>>],
+    places: impl ExactSizeIterator<Item = usize>,
+) -> Vec<&mut Simulation> {
+    let (mut found, mut first) = (Vec::with_capacity(places.len()), 0);
+    for place in places {
+        let (head, tail) = rest.split_at_mut(place - first + 1);
+        found.extend(head.last_mut().and_then(|simulation| simulation.as_deref_mut()));
+        (rest, first) = (tail, place + 1);
+    }
+    found
 }
 
 fn set(places: &mut BTreeSet<usize>, place: usize, there: bool) {

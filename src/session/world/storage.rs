@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 
 use tracing::{error, info};
 
-use crate::machine;
 use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::journal::{
@@ -18,7 +17,8 @@ use crate::session::receipt::Receipts;
 use crate::session::simulation::Simulation;
 use crate::store::StoreError;
 
-use super::engine::Engine;
+use super::core::Core;
+use super::effect::Effect;
 use super::requests::gone;
 
 /// Time between two attempts to write to a store that failed.
@@ -76,7 +76,7 @@ impl Storage {
     }
 }
 
-impl Engine {
+impl Core {
     /// Hands something of a session to the journal. The replies are given when it is durable.
     pub(super) fn submit(&mut self, append: Append, replies: Vec<Answer<()>>) {
         let key = append.key;
@@ -97,7 +97,7 @@ impl Engine {
             simulation.log.go_on_from(append.position);
         }
         self.storage.under_way += 1;
-        self.journal.add(append);
+        self.effects.push(Effect::Append(append));
     }
 
     /// Hands parts of a session to the journal at once.
@@ -105,7 +105,6 @@ impl Engine {
         if let Some(record) = self.records.get(&key) {
             let append = record.append(key, parts);
             self.submit(append, reply.into_iter().collect());
-            self.journal.send();
         } else if let Some(reply) = reply {
             reply.refuse(&gone());
         }
@@ -116,23 +115,27 @@ impl Engine {
         self.records.get(&key).is_some_and(Record::is_leaving)
     }
 
-    /// Takes in what the journal says, and has it try again what has failed.
-    pub(super) fn hear_journal(&mut self) {
-        if self.journal.is_dead() && !self.storage.dead {
-            self.storage.dead = true;
-            self.vitals.store.set_healthy(false);
-            let why = nobody_knows();
-            self.records.values().for_each(|record| record.receipts().end(&why));
-        }
-        while let Some(verdict) = self.journal.told() {
-            self.hear(verdict);
-        }
-        let due = self.storage.next_attempt.is_some_and(|next| next <= machine::now());
+    /// Nobody is left who would commit anything.
+    pub(super) fn lose_journal(&mut self) {
+        self.storage.dead = true;
+        self.vitals.store.set_healthy(false);
+        self.end_receipts(&nobody_knows());
+    }
+
+    /// Tells everybody who waits until something is durable why it never will be.
+    pub(super) fn end_receipts(&self, why: &SessionError) {
+        self.records.values().for_each(|record| record.receipts().end(why));
+    }
+
+    /// Has the journal try again what has failed, where it is time for that.
+    pub(super) fn retry_rewriting(&mut self) {
+        let due = self.storage.next_attempt.is_some_and(|next| next <= self.now.instant);
         if due && self.storage.rewriting.is_none() {
             self.rewrite();
         }
     }
 
+    /// Takes in what the journal says.
     pub(super) fn hear(&mut self, verdict: Verdict) {
         match verdict {
             Verdict::Durable(appends) => {
@@ -152,10 +155,10 @@ impl Engine {
 
     /// What is on its way of a session up to a position is durable.
     fn confirm(&mut self, key: u64, position: u64) {
-        let answered = self.answered.clone();
+        let stored = self.now.stored;
         let Some(record) = self.records.get_mut(&key) else { return };
         for Pending { life, parts, replies, .. } in
-            record.confirm(position, |done| answered.is_over(done))
+            record.confirm(position, |done| done.is_old(stored))
         {
             for part in &*parts {
                 match part {
@@ -254,14 +257,13 @@ impl Engine {
             error!("the store can't be written to: {failure}; changes are refused until it can");
         }
         let next = self.storage.next_attempt;
-        self.storage.next_attempt = next.or_else(|| machine::now().checked_add(RETRY));
+        self.storage.next_attempt = next.or_else(|| self.now.instant.checked_add(RETRY));
     }
 
     /// Has the beginning of this life written: where each session stands.
     pub(super) fn begin_record(&mut self, begun: Vec<(u64, Vec<Part>)>) {
         self.storage.rewriting = Some(begun.iter().map(|(key, _)| (*key, None)).collect());
-        let heartbeat = self.heartbeat();
-        self.journal.rewrite(begun, heartbeat, self.storage.heard);
+        self.have_written(begun);
     }
 
     /// Has everything written anew that the store may hold wrongly.
@@ -283,8 +285,12 @@ impl Engine {
             rewriting.insert(key, Some([record.stored.anchor, stored.anchor]));
         }
         self.storage.rewriting = Some(rewriting);
-        let heartbeat = self.heartbeat();
-        self.journal.rewrite(sessions, heartbeat, self.storage.heard);
+        self.have_written(sessions);
+    }
+
+    fn have_written(&mut self, sessions: Vec<(u64, Vec<Part>)>) {
+        let (heartbeat, heard) = (self.heartbeat(), self.storage.heard);
+        self.effects.push(Effect::Rewrite { sessions, heartbeat, heard });
     }
 
     fn rewritten(&mut self, result: Result<(), StoreError>) {
@@ -304,7 +310,7 @@ impl Engine {
         }
         // What has come meanwhile is written next.
         let more = !self.storage.spoiled.is_empty();
-        self.storage.next_attempt = more.then(machine::now);
+        self.storage.next_attempt = more.then_some(self.now.instant);
         if self.storage.failure.take().is_some() {
             info!("the store can be written to again; changes are taken");
             self.vitals.store.set_gone(false);

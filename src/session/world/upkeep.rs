@@ -8,14 +8,14 @@ use firn_engine::reserve::ask_for;
 use firn_protocol::Settings;
 use tracing::{debug, info, warn};
 
-use crate::machine;
 use crate::session::answer::Answer;
 use crate::session::error::SessionError;
 use crate::session::handle::Session;
-use crate::session::journal::{Left, Part, Record};
+use crate::session::journal::{Job, Left, Part, Record};
 use crate::session::simulation::Simulation;
 
-use super::engine::Engine;
+use super::core::Core;
+use super::effect::Effect;
 use super::requests::gone;
 
 /// Sessions of which it is found out in one frame whether they are to be deleted.
@@ -27,7 +27,7 @@ const RETRY: Duration = Duration::from_secs(1);
 /// Time between two attempts to save a session for which there was no memory.
 const RETRY_CHECKPOINT: Duration = Duration::from_secs(60);
 
-impl Engine {
+impl Core {
     /// Does what is due in this frame. Sessions of which nothing is due are not looked at: there may
     /// be thousands of them.
     pub(super) fn look_after_sessions(&mut self) {
@@ -38,19 +38,18 @@ impl Engine {
         }
         self.looked_after = self.frame;
         self.anchor_some();
-        let now = machine::now();
+        let now = self.now.instant;
         for _ in 0..MOST_ENDS {
             let Some(key) = self.ends.pop_due(now) else { break };
             self.end(key, now);
         }
-        self.journal.send();
     }
 
     /// Begins a checkpoint, where one is due: one at a time, and none while it could not be stored. It is
     /// taken in a frame of its own before the next beat, so that no frame with cycles takes longer for it.
     /// Returns whether the coming frame is that one: a session in the middle of a run has it after that.
     pub(super) fn begin_checkpoint(&mut self) -> bool {
-        let now = machine::now();
+        let now = self.now.instant;
         let free = self.checkpointing.is_none();
         while self.checkpointing.is_none()
             && self.storage.refusal().is_none()
@@ -65,7 +64,7 @@ impl Engine {
     /// Notes when a session is to be looked at next.
     pub(super) fn schedule(&mut self, key: u64) {
         let interval = self.checkpoint_interval;
-        let now = machine::now();
+        let now = self.now.instant;
         if let Some(simulation) = self.simulations.get(&key) {
             let Settings { delete_after_s, idle_timeout_s, .. } = simulation.state.settings;
             let idle = simulation.session.idle_for();
@@ -117,13 +116,13 @@ impl Engine {
         }
         let tired = simulation.is_tired();
         let due = simulation.log.checkpoint_due(interval);
-        if !tired && due.is_none_or(|due| due > machine::now()) {
+        if !tired && due.is_none_or(|due| due > self.now.instant) {
             self.schedule(key);
             return;
         }
         if let Err(error) = ask_for(cell_bytes(&simulation.session.spec.grid)) {
             warn!(session = simulation.session.id, "no checkpoint for want of memory: {error}");
-            self.saves.set(key, machine::now().checked_add(RETRY_CHECKPOINT));
+            self.saves.set(key, self.now.instant.checked_add(RETRY_CHECKPOINT));
             return;
         }
         simulation.catch_up(frame);
@@ -143,7 +142,7 @@ impl Engine {
             self.simulations.set_ticking(key, ticks);
         }
         if let Some((life, base, taken)) = left.checkpoint {
-            self.journal.checkpoint(key, life, base, taken);
+            self.effects.push(Effect::Pack(Job { key, life, base, taken }));
         }
     }
 
@@ -154,8 +153,7 @@ impl Engine {
         });
         for key in keys {
             if let Some(simulation) = self.simulations.remove(key) {
-                self.backend.release(simulation.slot);
-                self.slots.give_back(simulation.slot);
+                self.free(simulation.slot);
                 self.evict(simulation, &why);
             } else if let Some(coming) = self.coming.get(key) {
                 let (session, tick) = (coming.session().clone(), coming.tick());
@@ -198,10 +196,11 @@ impl Engine {
         if stored {
             simulation.log.release();
         } else {
-            simulation.log.uncover(base);
+            simulation.log.uncover(base, self.now.instant);
         }
-        if self.stop.is_some() {
+        if let Some(stop) = &mut self.stop {
             // Time stands still for good.
+            stop.checkpointed(key, stored);
             return;
         }
         let covered = stored && !simulation.has_orders() && simulation.log.is_covered();
@@ -244,14 +243,12 @@ impl Engine {
             return;
         }
         let Some(simulation) = self.simulations.remove(&key) else { return };
-        self.backend.release(simulation.slot);
-        self.slots.give_back(simulation.slot);
+        self.free(simulation.slot);
         let session = simulation.session.clone();
         session.stand_still(simulation.state.clock);
         debug!(session = session.id, "hibernates");
         self.hibernating.insert(key, session);
         self.count_hibernating();
-        self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
     }
 
     /// Deletes a session: first from the store, then from the device. Nothing else happens to it meanwhile.

@@ -37,6 +37,8 @@ impl Simulation {
         self.disk.fail(None);
         self.disk.cut_at(None);
         self.device.heal();
+        // What has just failed is heard of in the next one.
+        self.round()?;
         let mut rounds = 0;
         while !self.is_calm() {
             rounds += 1;
@@ -93,7 +95,8 @@ impl Simulation {
     fn is_calm(&self) -> bool {
         let Some(life) = &self.life else { return false };
         let vitals = life.sessions.vitals();
-        self.waiting.is_empty() && vitals.is_recovered() && vitals.store.is_healthy()
+        let well = vitals.is_healthy() && vitals.store.is_healthy();
+        self.waiting.is_empty() && vitals.is_recovered() && well
     }
 
     /// Carries out something to its end.
