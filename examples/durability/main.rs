@@ -20,7 +20,8 @@ use std::time::Duration;
 use clap::{Parser, ValueEnum};
 use firn::backend;
 use firn::config::{BackendChoice, EngineConfig};
-use firn::session::{Durability, Limits, Session, SessionError, Sessions, World, WorldConfig};
+use firn::driver::{Driver, Durability, WorldConfig};
+use firn::session::{Limits, Session, SessionError, Sessions};
 use firn::store::{RedbStore, Store};
 use firn_protocol::{SessionSpec, SnowLayer};
 use firn_snow::Grid;
@@ -86,7 +87,7 @@ impl Drop for Directory {
     }
 }
 
-fn open(backend: BackendChoice, data: &Path, interval: Duration) -> Result<(Sessions, World)> {
+fn open(backend: BackendChoice, data: &Path, interval: Duration) -> Result<(Sessions, Driver)> {
     open_on(backend, Box::new(RedbStore::in_directory(data)?), interval, 20.0)
 }
 
@@ -95,7 +96,7 @@ fn open_on(
     store: Box<dyn Store>,
     checkpoint_interval: Duration,
     publish_rate: f64,
-) -> Result<(Sessions, World)> {
+) -> Result<(Sessions, Driver)> {
     let limits = Limits {
         sessions: 100_000,
         columns_per_session: 1 << 30,
@@ -107,7 +108,7 @@ fn open_on(
     let config = WorldConfig { limits, publish_rate, sleep: true };
     let engine = EngineConfig { backend, device_memory: None };
     let durability = Durability { store, checkpoint_interval, accept_loss: false };
-    Ok(World::open(Box::new(move || backend::open(&engine)), config, durability)?)
+    Ok(Driver::open(Box::new(move || backend::open(&engine)), config, durability)?)
 }
 
 fn spec(id: u64, paused: bool) -> SessionSpec {

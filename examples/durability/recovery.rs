@@ -5,7 +5,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use firn::config::BackendChoice;
-use firn::session::{Change, Sessions, World};
+use firn::driver::Driver;
+use firn::session::{Change, Sessions};
 use firn_protocol::{Region, Snowfall, StepSpec};
 use tokio::runtime::Runtime;
 
@@ -23,7 +24,7 @@ pub fn measure(runtime: &Runtime, backend: BackendChoice) -> Result<()> {
 }
 
 /// What a kill would leave: no last checkpoints, no orderly end.
-fn killed(sessions: Sessions, world: World, data: &Path) -> Result<Directory> {
+fn killed(sessions: Sessions, world: Driver, data: &Path) -> Result<Directory> {
     let left = Directory::new("left")?;
     fs::copy(data.join(FILE), left.0.join(FILE))?;
     drop(sessions);
@@ -32,7 +33,7 @@ fn killed(sessions: Sessions, world: World, data: &Path) -> Result<Directory> {
 }
 
 /// Time until everything that is stored is back, and the sessions.
-fn recover(backend: BackendChoice, data: &Path) -> Result<(Duration, Sessions, World)> {
+fn recover(backend: BackendChoice, data: &Path) -> Result<(Duration, Sessions, Driver)> {
     let began = Instant::now();
     let (sessions, world) = open(backend, data, NEVER)?;
     while !sessions.vitals().is_recovered() {

@@ -5,7 +5,8 @@
 
 use std::sync::OnceLock;
 
-use firn::session::{Limits, SessionError, Sessions, World, WorldConfig};
+use firn::driver::{Driver, WorldConfig};
+use firn::session::{Limits, SessionError, Sessions};
 use firn::stream::Request;
 use firn_engine::cpu::CpuBackend;
 use firn_protocol::{SessionSpec, SettingsPatch, SnowLayer, StepSpec};
@@ -26,7 +27,7 @@ fn sessions() -> &'static Sessions {
     SESSIONS.get_or_init(|| {
         let config = WorldConfig { limits: LIMITS, publish_rate: 20.0, sleep: true };
         let backend = Box::new(CpuBackend::new(None, false));
-        let (sessions, world) = World::start(backend, config).expect("the world starts");
+        let (sessions, world) = Driver::start(backend, config).expect("the world starts");
         // It lives as long as the process.
         std::mem::forget(world);
         sessions

@@ -9,9 +9,8 @@ use tokio::task::JoinSet;
 
 use crate::backend;
 use crate::config::EngineConfig;
-use crate::session::{
-    Change, FrameTime, Limits, Session, SessionError, Sessions, World, WorldConfig,
-};
+use crate::driver::{Driver, WorldConfig};
+use crate::session::{Change, FrameTime, Limits, Session, SessionError, Sessions};
 
 use super::{BenchError, Plan};
 
@@ -24,7 +23,7 @@ const AT_A_TIME: usize = 256;
 /// A running world and a runtime to talk to it.
 pub(super) struct Host {
     pub sessions: Sessions,
-    world: Option<World>,
+    world: Option<Driver>,
     pub runtime: Runtime,
 }
 
@@ -41,7 +40,7 @@ impl Host {
             colliders_per_session: 64,
         };
         let config = WorldConfig { limits, publish_rate, sleep: true };
-        let (sessions, world) = World::start(backend::open(&engine)?, config)?;
+        let (sessions, world) = Driver::start(backend::open(&engine)?, config)?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
         Ok(Host { sessions, world: Some(world), runtime })
     }

@@ -7,8 +7,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::backend;
 use crate::config::{BackendChoice, EngineConfig};
+use crate::driver::{Driver, WorldConfig};
 use crate::experiment::{self, Experiment, SIDE};
-use crate::session::{Limits, Sessions, World, WorldConfig};
+use crate::session::{Limits, Sessions};
 use crate::telemetry;
 
 use super::{Failure, print};
@@ -93,7 +94,7 @@ pub fn run(options: &Options) -> Result<(), Failure> {
     };
     let config = WorldConfig { limits, publish_rate: 0.0, sleep: true };
     let (sessions, world) =
-        World::start(backend, config).map_err(|error| failed("starting the engine", error))?;
+        Driver::start(backend, config).map_err(|error| failed("starting the engine", error))?;
     let result = runtime.block_on(carry_out(options, &sessions));
     world.stop();
     verdict(&result?)

@@ -22,7 +22,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 pub use serve::Serve;
 
-use crate::session::OpenBackend;
+use crate::driver::OpenBackend;
 
 /// Shown below the commands.
 const EXAMPLES: &str = "\

@@ -16,10 +16,11 @@ use crate::config::{
     AccessConfig, ConnectionConfig, EngineConfig, LimitsConfig, ListenConfig, LogConfig,
     RequestConfig, StoreConfig, StreamConfig,
 };
+use crate::driver::{Driver, Durability, OpenBackend, WorldConfig};
 use crate::http::{App, Gate};
 use crate::open_files;
 use crate::server;
-use crate::session::{Durability, OpenBackend, SessionError, Sessions, World, WorldConfig};
+use crate::session::{SessionError, Sessions};
 use crate::store::{Ephemeral, RedbStore, Store};
 use crate::telemetry::Telemetry;
 
@@ -142,7 +143,7 @@ fn start(options: &Serve, open: OpenBackend) -> Result<(), Failure> {
     let store = open_store(&options.store)?;
     let StoreConfig { checkpoint_interval, accept_loss, .. } = options.store;
     let durability = Durability { store, checkpoint_interval, accept_loss };
-    let (sessions, world) = World::open(open, config, durability)
+    let (sessions, world) = Driver::open(open, config, durability)
         .map_err(|error| Failure::Failed(error.to_string()))?;
     let (served, deadline) = runtime.block_on(serve(options, listener, sessions, gate));
     world.stop_by(deadline.into_std());

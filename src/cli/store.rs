@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use crate::session::{StoreReport, check_store};
+use crate::journal::{StoreReport, check_store};
 use crate::store::{Format, RedbStore};
 
 use super::Failure;

@@ -166,8 +166,9 @@ mod tests {
 
     use super::*;
     use crate::config::{RequestConfig, StreamConfig};
+    use crate::driver::{Driver, WorldConfig};
     use crate::http::Gate;
-    use crate::session::{Limits, World, WorldConfig};
+    use crate::session::Limits;
     use firn_engine::cpu::CpuBackend;
 
     fn app() -> App {
@@ -181,7 +182,7 @@ mod tests {
         };
         let config = WorldConfig { limits, publish_rate: 20.0, sleep: true };
         let (sessions, _world) =
-            World::start(Box::new(CpuBackend::new(None, false)), config).unwrap();
+            Driver::start(Box::new(CpuBackend::new(None, false)), config).unwrap();
         let request_timeout = Duration::from_millis(20);
         let requests = RequestConfig { request_timeout, ..RequestConfig::default() };
         App::new(sessions, requests, StreamConfig::default(), Gate::default()).unwrap()

@@ -1,97 +1,58 @@
 //! A session as the rest of the server sees it.
 
 use std::any::Any;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard};
-use std::time::Duration;
+use std::ops::Deref;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use firn_engine::frame::cell_bytes;
-use firn_protocol::{Event, SessionSpec, SessionView, State};
+use firn_protocol::{SessionSpec, SessionView, State};
 use firn_snow::CELL;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, mpsc, watch};
-use tokio_util::sync::CancellationToken;
-use ulid::Ulid;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
+use super::memory::Companion;
+use super::once::Answered;
+use super::registry::Sessions;
+use crate::core::Input;
+use crate::core::record::{Epochs, Identity, Weight};
+use crate::core::session::answer::WaitingRoom;
+use crate::core::session::error::SessionError;
+use crate::core::session::outlet::Outlet;
+use crate::core::session::spec::Limits;
+use crate::core::session::token::TokenHashes;
+use crate::core::tenant::Tenant;
 use crate::machine;
 
-use super::answer::WaitingRoom;
-use super::clock::Clock;
-use super::error::SessionError;
-use super::journal::{Epochs, Identity, Weight};
-use super::memory::Companion;
-use super::mirror::Mirror;
-use super::once::Answered;
-use super::publish::Publication;
-use super::receipt::Receipts;
-use super::registry::Sessions;
-use super::snapshot::Snapshot;
-use super::spec::Limits;
-use super::tenant::Tenant;
-use super::token::TokenHashes;
-use super::world::Input;
-
-/// Events a stream client that is slower than this many of them loses the oldest.
-pub(super) const EVENT_BACKLOG: usize = 64;
-
-/// A session. Reads are served from its mirror; changes go to the world's thread.
+/// A session. Reads are served from its outlet; changes go to the world's thread.
 #[derive(Debug)]
 pub struct Session {
-    /// Its name.
-    pub id: String,
-    /// Whom it belongs to: the operator where there is none.
-    pub tenant: Option<Arc<Tenant>>,
-    /// What it was created with.
-    pub spec: SessionSpec,
-    /// Names it in whatever outlives a server; fixed when it is created.
-    pub sid: Ulid,
-    /// Names what was published since the server was started: with `seq` it names one state.
-    pub epoch: String,
-    /// That epoch, and those before it.
-    pub(super) epochs: Epochs,
-    /// When it was created, RFC 3339.
-    pub created_at: String,
-    /// Hashes of its tokens; who may stay watches them.
-    pub(super) tokens: watch::Sender<TokenHashes>,
-    /// The snapshot that it was made from, where it was.
-    pub(super) origin: Option<Arc<[u8]>>,
-    pub(super) limits: Limits,
-    pub(super) decoding: Arc<Semaphore>,
-    /// Key in the world; never used twice.
-    pub(super) key: u64,
-    pub(super) mirror: RwLock<Mirror>,
-    pub(super) published: watch::Sender<Publication>,
-    pub(super) events: broadcast::Sender<Event>,
-    pub(super) gone: CancellationToken,
-    /// Its memory is freed, and its time stands still.
-    pub(super) hibernating: AtomicBool,
-    /// It takes no changes: see `lock.rs`.
-    pub(super) locked: AtomicBool,
-    /// Lowest and highest elevation of the ground \[m\].
-    pub(super) ground: (f64, f64),
-    /// Requests under way and streams.
-    pub(super) visitors: AtomicU32,
-    /// Frame in which somebody was last known to be with it.
-    pub(super) last_used: AtomicU64,
-    pub(super) waiting: WaitingRoom,
-    /// Where requests wait for it to be durable.
-    pub(super) receipts: Arc<Receipts>,
+    pub(crate) outlet: Arc<Outlet>,
+    pub(crate) limits: Limits,
+    pub(crate) decoding: Arc<Semaphore>,
+    pub(crate) waiting: WaitingRoom,
     /// The one place for a large answer that the world has to find.
     finding: Arc<Semaphore>,
-    pub(super) world: mpsc::Sender<Input>,
-    /// Device time that it has taken \[ns\].
-    pub(super) device_ns: AtomicU64,
+    pub(crate) world: mpsc::Sender<Input>,
     /// Steps that it was asked for.
-    pub(super) steps: AtomicU64,
-    /// Frames so far, of all sessions.
-    pub(super) frames: Arc<AtomicU64>,
-    pub(super) answered: Arc<Answered>,
-    /// Memory that the journal holds of it.
-    pub(super) journal_weight: Weight,
+    pub(crate) steps: AtomicU64,
+    pub(crate) answered: Arc<Answered>,
     companion: OnceLock<Arc<dyn Companion>>,
 }
 
+impl Deref for Session {
+    type Target = Outlet;
+
+    fn deref(&self) -> &Outlet {
+        &self.outlet
+    }
+}
+
 impl Session {
-    pub(super) fn new(
+    /// A new session.
+    ///
+    /// # Errors
+    /// As [`Session::identified`].
+    pub(crate) fn new(
         sessions: &Sessions,
         id: String,
         tenant: Option<&Tenant>,
@@ -117,128 +78,26 @@ impl Session {
     ///
     /// # Errors
     /// [`SessionError::NoMemory`].
-    pub(super) fn identified(
+    pub(crate) fn identified(
         sessions: &Sessions,
         key: u64,
         identity: Identity,
         epochs: Epochs,
         origin: Option<Arc<[u8]>>,
     ) -> Result<Session, SessionError> {
-        let Identity { sid, id, created_at, owner, weight, tokens, mut spec } = identity;
-        // A list that was read has room to grow.
-        spec.initial_snow.shrink_to_fit();
-        let clock = Clock::new(spec.tick_rate, spec.time_scale);
-        let mirror = Mirror::new(spec.grid, spec.material, spec.settings(), clock);
-        let mirror = mirror.map_err(|error| {
-            let columns = spec.grid.columns();
-            SessionError::NoMemory(format!(
-                "there is no memory for the heights of {columns} columns: {error}"
-            ))
-        })?;
+        let tenant = identity.owner.as_ref().map(|name| sessions.tenants().named(name));
+        let frames = sessions.frames.clone();
         Ok(Session {
-            id,
-            sid,
-            epoch: epochs.name(),
-            epochs,
-            created_at,
-            tenant: owner.map(|name| sessions.tenants().named(&name)),
-            origin,
+            outlet: Arc::new(Outlet::new(key, identity, tenant, epochs, origin, frames)?),
             limits: *sessions.limits(),
             decoding: sessions.decoding.clone(),
-            tokens: watch::Sender::new(tokens),
-            key,
-            published: watch::Sender::new(Publication { number: 0, tick: clock.tick() }),
-            mirror: RwLock::new(mirror),
-            events: broadcast::Sender::new(EVENT_BACKLOG),
-            gone: CancellationToken::new(),
-            hibernating: AtomicBool::new(false),
-            locked: AtomicBool::new(false),
-            ground: spec.ground_range(),
-            visitors: AtomicU32::new(0),
-            device_ns: AtomicU64::new(0),
-            steps: AtomicU64::new(0),
-            last_used: AtomicU64::new(sessions.frames.load(Ordering::Relaxed)),
             waiting: WaitingRoom::default(),
-            receipts: Arc::default(),
             finding: Arc::new(Semaphore::new(1)),
             world: sessions.world.clone(),
-            frames: sessions.frames.clone(),
+            steps: AtomicU64::new(0),
             answered: sessions.answered.clone(),
-            journal_weight: weight,
             companion: OnceLock::new(),
-            spec,
         })
-    }
-
-    /// Goes on from what was published before the server was started.
-    pub(super) fn go_on_from(&self, seq: u64, versions: Option<&[u64]>) {
-        let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
-        mirror.go_on_from(seq, versions);
-        let tick = mirror.clock.tick();
-        drop(mirror);
-        self.published.send_modify(|publication| publication.tick = tick);
-    }
-
-    /// Shows that time does not pass any more.
-    pub(super) fn stand_still(&self, clock: Clock) {
-        let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
-        mirror.clock = clock;
-        mirror.resting_since = None;
-        mirror.active_tiles = 0;
-    }
-
-    /// What the journal knows it by.
-    pub(super) fn identity(&self) -> Identity {
-        Identity {
-            id: self.id.clone(),
-            sid: self.sid,
-            created_at: self.created_at.clone(),
-            owner: self.tenant.as_ref().map(|tenant| tenant.name.clone()),
-            weight: self.journal_weight.clone(),
-            tokens: self.tokens(),
-            spec: self.spec.clone(),
-        }
-    }
-
-    /// Hashes of its tokens.
-    pub fn tokens(&self) -> TokenHashes {
-        *self.tokens.borrow()
-    }
-
-    /// Hashes of its tokens, as they become.
-    pub fn token_changes(&self) -> watch::Receiver<TokenHashes> {
-        self.tokens.subscribe()
-    }
-
-    pub(super) fn set_tokens(&self, tokens: TokenHashes) {
-        self.tokens.send_replace(tokens);
-    }
-
-    /// Whether all that has changed since a state is known.
-    pub fn recovers(&self, epoch: &str, seq: u64) -> bool {
-        self.epochs.recovers(epoch, seq, self.mirror().seq)
-    }
-
-    /// The snapshot that it was made from, where it was.
-    pub(super) fn origin_snapshot(&self) -> Option<Snapshot> {
-        // It was decoded when the session was made.
-        self.origin.as_ref().and_then(|bytes| Snapshot::decode(bytes, &Limits::NONE).ok())
-    }
-
-    /// The published state. Hold it only to copy out of it: publications wait meanwhile.
-    pub fn mirror(&self) -> RwLockReadGuard<'_, Mirror> {
-        // A mirror is only written by whole assignments: one left by a panic is still sound.
-        self.mirror.read().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Frames so far, for [`Mirror::stamp_at`] and [`Mirror::clock_at`].
-    pub fn frame(&self) -> u64 {
-        self.frames.load(Ordering::Relaxed)
-    }
-
-    /// The newest publication, and a way to wait for the next.
-    pub fn publications(&self) -> watch::Receiver<Publication> {
-        self.published.subscribe()
     }
 
     /// What the streams keep beside the session for as long as it lives; made when it is first
@@ -253,18 +112,8 @@ impl Session {
     }
 
     /// Memory that it takes \[bytes\].
-    pub(super) fn companion_bytes(&self) -> u64 {
+    pub(crate) fn companion_bytes(&self) -> u64 {
         self.companion.get().map_or(0, |companion| companion.bytes())
-    }
-
-    /// Events from now on.
-    pub fn events(&self) -> broadcast::Receiver<Event> {
-        self.events.subscribe()
-    }
-
-    /// Cancelled when the session is deleted.
-    pub fn gone(&self) -> &CancellationToken {
-        &self.gone
     }
 
     /// The session: configuration, clock and summary.
@@ -292,28 +141,10 @@ impl Session {
         }
     }
 
-    /// Device memory that its cells take \[bytes\]: none while it hibernates.
-    pub(super) fn device_memory(&self) -> u64 {
-        if self.hibernating.load(Ordering::Relaxed) { 0 } else { cell_bytes(&self.spec.grid) }
-    }
-
     /// Waits for the one place for a large answer that the world has to find.
     pub async fn finding(&self) -> OwnedSemaphorePermit {
         let place = self.finding.clone().acquire_owned().await;
         place.expect("the semaphore is never closed")
-    }
-
-    /// Device time that it has taken since the server was started.
-    pub fn device_time(&self) -> Duration {
-        Duration::from_nanos(self.device_ns.load(Ordering::Relaxed))
-    }
-
-    /// Charges it with device time, and its tenant.
-    pub(super) fn charge(&self, took: Duration) {
-        self.device_ns.fetch_add(took.as_nanos() as u64, Ordering::Relaxed);
-        if let Some(tenant) = &self.tenant {
-            tenant.charge(took);
-        }
     }
 
     /// Memory that a snapshot of it takes until it is written, at the most \[bytes\].
@@ -325,7 +156,7 @@ impl Session {
     }
 
     fn state(&self, paused: bool) -> State {
-        match (self.hibernating.load(Ordering::Relaxed), paused) {
+        match (self.is_hibernating(), paused) {
             (true, _) => State::Hibernating,
             (false, true) => State::Paused,
             (false, false) => State::Running,

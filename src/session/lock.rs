@@ -2,20 +2,14 @@
 //! nobody knows whether they had been deleted.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use firn_protocol::SessionView;
 
-use super::error::SessionError;
-use super::handle::Session;
-use super::world::Control;
+use crate::core::Control;
+use crate::core::session::error::SessionError;
+use crate::session::handle::Session;
 
 impl Session {
-    /// Whether it takes no changes.
-    pub fn is_locked(&self) -> bool {
-        self.locked.load(Ordering::Relaxed)
-    }
-
     /// Whether it takes changes.
     ///
     /// # Errors
@@ -30,10 +24,6 @@ impl Session {
              POST /v1/sessions/{id}/unlock, or deletes it",
             id = self.id
         )))
-    }
-
-    pub(super) fn set_locked(&self, locked: bool) {
-        self.locked.store(locked, Ordering::Relaxed);
     }
 
     /// Has it take changes again. When this returns that is durable.

@@ -3,13 +3,14 @@
 use std::any::Any;
 use std::fmt;
 use std::mem::size_of;
-use std::sync::atomic::Ordering;
 
-use firn_protocol::{ColliderView, Event, MemoryBytes, SessionSpec, SnowLayer, UsageView};
+use firn_protocol::{ColliderView, Event, MemoryBytes, UsageView};
 
-use super::handle::{EVENT_BACKLOG, Session};
-use super::simulation::Simulation;
-use super::state::Collider;
+use crate::core::record::heap_bytes;
+use crate::core::session::outlet::EVENT_BACKLOG;
+use crate::core::session::simulation::Simulation;
+use crate::core::session::state::Collider;
+use crate::session::handle::Session;
 
 /// What an object takes beside its descriptions: its name, places in maps, and its load.
 const OBJECT: usize = 208;
@@ -53,17 +54,11 @@ impl Session {
         let ground = ground * size_of::<f64>();
         let own = size_of::<Session>() + EVENTS + heap_bytes(&self.spec) + ground + mirror;
         let views = objects * (size_of::<ColliderView>() + OBJECT);
-        if self.hibernating.load(Ordering::Relaxed) {
+        if self.is_hibernating() {
             return own + views;
         }
         let tiles = self.spec.grid.tiles() as usize * TILE;
         let simulation = size_of::<Simulation>() + objects * (size_of::<Collider>() + OBJECT);
         own + views + tiles + simulation
     }
-}
-
-/// Memory that what a session is created with takes beside its own size and the ground, which whoever has a
-/// copy shares \[bytes\].
-pub(super) fn heap_bytes(spec: &SessionSpec) -> usize {
-    spec.initial_snow.capacity() * size_of::<SnowLayer>()
 }

@@ -7,16 +7,17 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use firn_protocol::SessionSpec;
 use firn_snow::Grid;
 
+use crate::core::Directory;
+use crate::core::session::error::SessionError;
+use crate::core::session::outlet::Outlet;
+use crate::core::session::spec::Limits;
+use crate::core::tenant::{Quotas, Tenant};
 use crate::machine;
-
-use super::error::SessionError;
-use super::handle::Session;
-use super::spec::Limits;
-use super::tenant::{Quotas, Tenant};
+use crate::session::handle::Session;
 
 /// Sessions by name; a name is taken from the moment its creation begins.
 #[derive(Debug, Default)]
-pub(super) struct Names(RwLock<Table>);
+pub(crate) struct Names(RwLock<Table>);
 
 /// Names, and sums over them that are kept up to date rather than made anew.
 #[derive(Debug, Default)]
@@ -25,6 +26,8 @@ struct Table {
     size: Size,
     /// By the name of the tenant; none of those that hold nothing.
     tenants: HashMap<String, Holding>,
+    /// Sessions that outlived the last stop and are not back yet, by their keys.
+    returning: BTreeMap<u64, Arc<Session>>,
 }
 
 /// What limits count of some grids, in whole tiles.
@@ -166,21 +169,19 @@ impl Names {
         Ok(())
     }
 
-    /// Enters a session that outlived the last stop.
-    pub(super) fn recover(&self, session: Arc<Session>) {
-        let (size, tenant) = (Size::of(&session.spec.grid), session.tenant.clone());
-        let entry = Entry { size, tenant, session: Some(session.clone()) };
-        self.write().insert(&session.id, entry);
+    /// Expects a session back that outlived the last stop.
+    pub(crate) fn expect(&self, session: Session) {
+        self.write().returning.insert(session.key, Arc::new(session));
     }
 
     /// A session by its name.
-    pub(super) fn get(&self, id: &str) -> Option<Arc<Session>> {
+    pub(crate) fn get(&self, id: &str) -> Option<Arc<Session>> {
         self.read().entries.get(id).and_then(|entry| entry.session.clone())
     }
 
     /// Up to `limit` sessions in ascending order of their names, those after `after`; one tenant's
     /// where one is named.
-    pub(super) fn list(
+    pub(crate) fn list(
         &self,
         tenant: Option<&str>,
         after: Option<&str>,
@@ -201,16 +202,22 @@ impl Names {
             }
         }
     }
+}
 
-    /// How many names are taken.
-    pub(super) fn count(&self) -> usize {
-        self.read().entries.len()
+impl Directory for Names {
+    fn recover(&self, session: &Outlet) {
+        let mut table = self.write();
+        let Some(session) = table.returning.remove(&session.key) else { return };
+        let (size, tenant) = (Size::of(&session.spec.grid), session.tenant.clone());
+        let entry = Entry { size, tenant, session: Some(session.clone()) };
+        table.insert(&session.id, entry);
     }
 
-    /// Notes that a session is no more, and frees its name where the session has it: while one is being
-    /// made the name is its place's, perhaps already that of the next one.
-    pub(super) fn forget(&self, session: &Session) {
+    /// Frees its name where the session has it: while one is being made the name is its place's, perhaps already
+    /// that of the next one.
+    fn forget(&self, session: &Outlet) {
         let mut table = self.write();
+        table.returning.remove(&session.key);
         let holder = table.entries.get(&session.id).and_then(|entry| entry.session.as_ref());
         if holder.is_some_and(|holder| holder.key == session.key) {
             table.remove(&session.id);
@@ -218,19 +225,23 @@ impl Names {
         // Before anybody else has the table: who keeps a place for it looks at this.
         session.gone.cancel();
     }
+
+    fn count(&self) -> usize {
+        self.read().entries.len()
+    }
 }
 
 /// A place for a session that is being made; given back where that fails or is abandoned.
-pub(super) struct Place {
+pub(crate) struct Place {
     names: Arc<Names>,
-    pub(super) id: String,
-    pub(super) tenant: Option<Arc<Tenant>>,
+    pub(crate) id: String,
+    pub(crate) tenant: Option<Arc<Tenant>>,
     kept: bool,
 }
 
 impl Place {
     /// Takes a name, or makes one, and the room that a session needs.
-    pub(super) fn reserve(
+    pub(crate) fn reserve(
         names: Arc<Names>,
         id: Option<String>,
         tenant: Option<Arc<Tenant>>,
@@ -243,7 +254,7 @@ impl Place {
     }
 
     /// Gives it to the session that was made for it, unless that is no more.
-    pub(super) fn keep(mut self, session: Arc<Session>) {
+    pub(crate) fn keep(mut self, session: Arc<Session>) {
         let mut table = self.names.write();
         self.kept = !session.gone.is_cancelled();
         if self.kept
@@ -265,9 +276,9 @@ impl Drop for Place {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::tenant::Tenants;
+    use crate::driver::{Driver, WorldConfig};
+    use crate::session::tenants::Tenants;
     use crate::session::token::Tokens;
-    use crate::session::{World, WorldConfig};
     use firn_engine::cpu::CpuBackend;
 
     /// As many cells in one tile as 64 times a height.
@@ -324,7 +335,7 @@ mod tests {
     fn nobody_frees_a_name_that_is_another_ones_by_now() {
         let config = WorldConfig { limits: Limits::NONE, publish_rate: 20.0, sleep: true };
         let backend = Box::new(CpuBackend::new(None, false));
-        let (sessions, _world) = World::start(backend, config).unwrap();
+        let (sessions, _world) = Driver::start(backend, config).unwrap();
         let names = Arc::<Names>::default();
         let reserve = || {
             let id = Some("a".to_owned());

@@ -10,12 +10,11 @@ use firn_protocol::{ClearingReply, ColliderReply, SnowfallReply, Stamp};
 use ring::aead::{Aad, CHACHA20_POLY1305, LessSafeKey, Nonce, UnboundKey};
 use serde::{Deserialize, Serialize};
 
+use crate::core::session::change::Applied;
 use crate::machine;
+use crate::session::idempotency::{Idempotency, RequestKey};
+use crate::session::token::Tokens;
 use crate::store::StoreClock;
-
-use super::change::Applied;
-use super::idempotency::{Idempotency, RequestKey};
-use super::token::Tokens;
 
 /// What tokens are sealed for: keys for other purposes are others.
 const PURPOSE: &str = "firn 2026 tokens in the answer to a request that is sent again";
@@ -40,7 +39,7 @@ impl fmt::Debug for Once {
 
 /// What came of a request that carried a key.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Done {
+pub(crate) struct Done {
     pub key: RequestKey,
     pub request: [u8; 32],
     /// When it was done, by the store's clock \[ms\]. Earlier versions noted the wall clock's time in
@@ -53,7 +52,7 @@ pub(super) struct Done {
 /// The answer, or what it can be made of again.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum DoneResult {
+pub(crate) enum DoneResult {
     Snowfall(SnowfallReply),
     Clearing(ClearingReply),
     Collider { reply: ColliderReply, created: bool },
@@ -122,7 +121,7 @@ fn milliseconds(time: Duration) -> u64 {
 
 /// Tokens that only somebody with the request's secret can read.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Sealed {
+pub(crate) struct Sealed {
     salt: [u8; 32],
     bytes: Vec<u8>,
 }
@@ -166,7 +165,7 @@ fn nonce() -> Nonce {
 
 /// What came of the requests that carried a key lately, by the store's clock.
 #[derive(Debug, Default)]
-pub(super) struct Answered {
+pub(crate) struct Answered {
     clock: StoreClock,
     done: Mutex<HashMap<RequestKey, Arc<Done>>>,
 }

@@ -4,10 +4,10 @@ use firn_engine::frame::TileCells;
 use firn_protocol::{Probe, ProbeBatch, ProbeReply, ProbeView};
 use firn_snow::{Column, GRAVITY, Grid, Material, SurfaceLoad};
 
-use super::clock::FRAME_RATE;
-use super::error::{Check, SessionError};
-use super::gather::Gathered;
-use super::handle::Session;
+use crate::core::session::clock::FRAME_RATE;
+use crate::core::session::error::{Check, SessionError};
+use crate::core::session::gather::Gathered;
+use crate::session::handle::Session;
 
 /// Most probes of one request.
 const LARGEST_BATCH: usize = 1024;

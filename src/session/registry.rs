@@ -9,25 +9,25 @@ use firn_protocol::SessionSpec;
 use firn_snow::Grid;
 use tokio::sync::{Semaphore, mpsc};
 
-use super::error::{Check, SessionError};
-use super::handle::Session;
-use super::idempotency::RequestKey;
-use super::names::{Names, Place};
-use super::once::{Answered, Done, DoneResult, Once};
-use super::receipt::Receipted;
-use super::requests::{ask, blocking};
-use super::simulation::Simulation;
-use super::snapshot::Snapshot;
-use super::spec::Limits;
-use super::tenant::Tenants;
-use super::token::Tokens;
-use super::visit::Visit;
-use super::vitals::Vitals;
-use super::world::{Control, Creation, Fault, Input};
+use crate::core::session::error::{Check, SessionError};
+use crate::core::session::receipt::Receipted;
+use crate::core::session::simulation::Simulation;
+use crate::core::session::spec::Limits;
+use crate::core::snapshot::Snapshot;
+use crate::core::vitals::Vitals;
+use crate::core::{Control, Creation, Directory, Fault, Input};
+use crate::session::handle::Session;
+use crate::session::idempotency::RequestKey;
+use crate::session::names::{Names, Place};
+use crate::session::once::{Answered, Done, DoneResult, Once};
+use crate::session::requests::{ask, blocking};
+use crate::session::tenants::Tenants;
+use crate::session::token::Tokens;
+use crate::session::visit::Visit;
 
 /// Snapshots that are decoded, and large sessions that are made, at the same time: each may take as much
 /// memory as a whole session.
-pub(super) const DECODED_AT_ONCE: usize = 2;
+pub(crate) const DECODED_AT_ONCE: usize = 2;
 
 /// Columns of which a snowpack is made in no time.
 const FEW_COLUMNS: u64 = 1 << 16;
@@ -40,26 +40,26 @@ fn is_large(grid: &Grid) -> bool {
 /// Every session of the server. Clones are handles to the same.
 #[derive(Clone, Debug)]
 pub struct Sessions {
-    pub(super) names: Arc<Names>,
+    pub(crate) names: Arc<Names>,
     tenants: Tenants,
-    pub(super) world: mpsc::Sender<Input>,
+    pub(crate) world: mpsc::Sender<Input>,
     vitals: Arc<Vitals>,
-    pub(super) frames: Arc<AtomicU64>,
+    pub(crate) frames: Arc<AtomicU64>,
     limits: Limits,
     /// The next session's key.
-    pub(super) keys: Arc<AtomicU64>,
+    pub(crate) keys: Arc<AtomicU64>,
     /// No more sessions are made.
     closed: Arc<AtomicBool>,
     /// Snapshots that may still be decoded at the same time.
-    pub(super) decoding: Arc<Semaphore>,
+    pub(crate) decoding: Arc<Semaphore>,
     /// Requests that are not carried out again.
-    pub(super) answered: Arc<Answered>,
+    pub(crate) answered: Arc<Answered>,
     /// Makes snowpacks, which the world takes in.
-    pub(super) maker: Maker,
+    pub(crate) maker: Maker,
 }
 
 impl Sessions {
-    pub(super) fn new(
+    pub(crate) fn new(
         names: Arc<Names>,
         world: mpsc::Sender<Input>,
         vitals: Arc<Vitals>,
@@ -225,7 +225,7 @@ impl Sessions {
             make()?
         };
         let create = |reply| {
-            let creation = Creation { session: session.clone(), saved, done, reply };
+            let creation = Creation { session: session.outlet.clone(), saved, done, reply };
             Input::Create { creation, made }
         };
         let Receipted { position, .. } = ask(&self.world, None, create).await?;

@@ -7,21 +7,21 @@ use firn_protocol::{ColumnView, MassView, SessionView, StepSpec};
 use firn_snow::ColumnRect;
 use tokio::sync::{mpsc, oneshot};
 
+use crate::core::device::stopped;
+use crate::core::session::answer::{Answer, Place};
+use crate::core::session::change::{Applied, Change};
+use crate::core::session::error::{Invalid, SessionError};
+use crate::core::session::gather;
+use crate::core::session::gather::Sampled;
+use crate::core::session::inbox::Request;
+use crate::core::session::receipt::Receipted;
+use crate::core::session::simulation::Simulation;
+use crate::core::snapshot::Snapshot;
+use crate::core::{Control, Input};
 use crate::machine;
-
-use super::answer::{Answer, Place};
-use super::change::Applied;
-use super::change::Change;
-use super::error::{Invalid, SessionError};
-use super::gather::{self, Sampled};
-use super::handle::Session;
-use super::inbox::Request;
-use super::once::Once;
-use super::receipt::Receipted;
-use super::simulation::Simulation;
-use super::snapshot::Snapshot;
-use super::token::Tokens;
-use super::world::{Control, Input, stopped};
+use crate::session::handle::Session;
+use crate::session::once::Once;
+use crate::session::token::Tokens;
 
 impl Session {
     /// Applies a change in the next frame, and returns when it is durable and the next read sees it.
@@ -179,7 +179,7 @@ impl Session {
         receive.await.map_err(|_| stopped())
     }
 
-    pub(super) async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
+    pub(crate) async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
         let bytes = std::mem::size_of_val(&tiles[..]);
         self.ask_with(bytes, |reply| Request::Gather { tiles, reply }).await
     }
@@ -221,7 +221,7 @@ impl Session {
     }
 
     /// Has something done that does not wait for what is asked of the session.
-    pub(super) async fn control(
+    pub(crate) async fn control(
         &self,
         control: impl FnOnce(Answer<()>) -> Control,
     ) -> Result<(), SessionError> {
@@ -248,7 +248,7 @@ impl Drop for EndStep<'_> {
 }
 
 /// Asks the world and waits for its answer, in a place among those that wait for a session.
-pub(super) async fn ask<T>(
+pub(crate) async fn ask<T>(
     world: &mpsc::Sender<Input>,
     place: Option<Place>,
     input: impl FnOnce(Answer<T>) -> Input,
@@ -276,7 +276,7 @@ fn named(mut change: Change) -> Change {
 }
 
 /// Does work that takes a while off the threads that serve requests.
-pub(super) async fn blocking<T: Send + 'static>(
+pub(crate) async fn blocking<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, SessionError> + Send + 'static,
 ) -> Result<T, SessionError> {
     let (send, receive) = oneshot::channel();

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use firn_protocol::MemoryBytes;
 
-use super::registry::Sessions;
-use super::tenant::Tenant;
+use crate::core::tenant::Tenant;
+use crate::session::registry::Sessions;
 
 /// Sums over all sessions.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -4,8 +4,7 @@ use std::ops::Deref;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::clock::FRAME_RATE;
-use super::handle::Session;
+use crate::session::handle::Session;
 
 /// Somebody who is with a session. As long as there is anybody, it is not idle; nor is it before its
 /// timeouts have passed since the last one left.
@@ -13,7 +12,7 @@ use super::handle::Session;
 pub struct Visit(Arc<Session>);
 
 impl Visit {
-    pub(super) fn begin(session: Arc<Session>) -> Visit {
+    pub(crate) fn begin(session: Arc<Session>) -> Visit {
         // Either the world sees this visit before the session hibernates, or the visitor sees that it does.
         session.visitors.fetch_add(1, Ordering::SeqCst);
         session.touch();
@@ -33,22 +32,5 @@ impl Drop for Visit {
     fn drop(&mut self) {
         self.0.touch();
         self.0.visitors.fetch_sub(1, Ordering::Release);
-    }
-}
-
-impl Session {
-    /// Notes that somebody wants the session now.
-    fn touch(&self) {
-        self.last_used.store(self.frame(), Ordering::Relaxed);
-    }
-
-    /// Seconds since anybody was with it: 0 while somebody is.
-    pub(super) fn idle_for(&self) -> f64 {
-        // Whoever has left has noted when.
-        if self.visitors.load(Ordering::SeqCst) > 0 {
-            return 0.0;
-        }
-        let frames = self.frame().saturating_sub(self.last_used.load(Ordering::Relaxed));
-        frames as f64 / FRAME_RATE
     }
 }

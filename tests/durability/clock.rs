@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use firn::config::BackendChoice;
-use firn::session::Durability;
+use firn::driver::Durability;
 use firn::store::{Kind, Loaded, RedbStore, Row, Store, StoreClock, StoreError, Write};
 use reqwest::{Client, Method};
 use serde_json::{Value, json};

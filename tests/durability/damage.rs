@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use firn::config::BackendChoice;
-use firn::session::Durability;
+use firn::driver::Durability;
 use firn::store::RedbStore;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use firn::config::BackendChoice;
-use firn::session::Fault;
+use firn::driver::Fault;
 use reqwest::{Client as Http, Method};
 use serde_json::json;
 

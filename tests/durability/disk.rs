@@ -5,7 +5,7 @@ use std::io::{self, ErrorKind};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-use firn::session::Durability;
+use firn::driver::Durability;
 use firn::store::RedbStore;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};

@@ -5,8 +5,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use firn::config::BackendChoice;
-use firn::session::Durability;
-use firn::session::{SessionError, World, WorldConfig};
+use firn::driver::Durability;
+use firn::driver::{Driver, WorldConfig};
+use firn::session::SessionError;
 use firn::store::{Loaded, Store, StoreError, Write};
 use firn_engine::cpu::CpuBackend;
 use reqwest::{Client as Http, Method};
@@ -224,7 +225,7 @@ async fn nobody_is_told_anything_before_a_start_is_on_disk() {
     let open = Box::new(|| Ok(Box::new(CpuBackend::new(None, false)) as _));
     let options = Options::default();
     let config = WorldConfig { limits: options.limits, publish_rate: 20.0, sleep: true };
-    let (sessions, world) = World::open(open, config, durability).unwrap();
+    let (sessions, world) = Driver::open(open, config, durability).unwrap();
     until("it can't be written", async || !sessions.vitals().store.is_healthy()).await;
     assert!(!sessions.vitals().is_recovered());
     assert!(matches!(sessions.get(&id), Err(SessionError::Unavailable(_))));

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use clap::{Args, Command as Arguments, FromArgMatches};
 use firn::cli::{Serve, serve_on};
-use firn::session::Durability;
+use firn::driver::Durability;
 use firn_engine::cpu::CpuBackend;
 use firn_engine::frame::{Backend, EngineError, Frame};
 use reqwest::Method;

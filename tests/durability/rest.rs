@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use firn::config::BackendChoice;
-use firn::session::{Durability, Fault};
+use firn::driver::{Durability, Fault};
 use firn::store::{Kind, Loaded, RedbStore, Row, Store, StoreError, Write};
 use reqwest::Method;
 use serde_json::{Value, json};

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use firn::config::BackendChoice;
-use firn::session::Fault;
+use firn::driver::Fault;
 use serde_json::{Value, json};
 
 use crate::client::Client;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use firn::config::{AccessConfig, ApiKey, BackendChoice};
-use firn::session::Durability;
+use firn::driver::Durability;
 use firn::store::RedbStore;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};

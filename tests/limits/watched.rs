@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use firn::backend;
 use firn::config::{BackendChoice, EngineConfig};
-use firn::session::Durability;
+use firn::driver::Durability;
 use firn_engine::frame::{Backend, EngineError, Frame, Outcome, Slot, Work, WorkOutcome};
 
 use crate::support::device::{Watch, Watched};

@@ -4,7 +4,8 @@
 use std::time::Duration;
 
 use firn::config::BackendChoice;
-use firn::session::{Change, Durability, Once};
+use firn::driver::Durability;
+use firn::session::{Change, Once};
 use firn::store::Ephemeral;
 use firn_protocol::{ColliderBatch, ColliderSpec, SessionSpec, SnowLayer, Snowfall, Terrain};
 use firn_snow::{Position, Shape};

@@ -7,14 +7,15 @@ use std::process::{Command, Output};
 
 use firn::backend;
 use firn::config::{BackendChoice, EngineConfig};
+use firn::driver::{Driver, WorldConfig};
 use firn::experiment::{self, Experiment, ExperimentError, Study};
-use firn::session::{Limits, Sessions, World, WorldConfig};
+use firn::session::{Limits, Sessions};
 use firn_protocol::ColumnView;
 
 /// Columns along each side of a small grid, whose last tiles are partly covered.
 const SMALL: u32 = 9;
 
-fn start(backend: BackendChoice) -> (Sessions, World) {
+fn start(backend: BackendChoice) -> (Sessions, Driver) {
     let engine = EngineConfig { backend, device_memory: None };
     let backend = backend::open(&engine).expect("a graphics adapter to test");
     let limits = Limits {
@@ -26,7 +27,7 @@ fn start(backend: BackendChoice) -> (Sessions, World) {
         colliders_per_session: 3,
     };
     let config = WorldConfig { limits, publish_rate: 20.0, sleep: true };
-    World::start(backend, config).expect("the world starts")
+    Driver::start(backend, config).expect("the world starts")
 }
 
 fn run(

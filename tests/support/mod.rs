@@ -12,8 +12,9 @@ use firn::backend;
 use firn::config::{
     AccessConfig, BackendChoice, ConnectionConfig, EngineConfig, RequestConfig, StreamConfig,
 };
+use firn::driver::{Driver, Durability, OpenBackend, WorldConfig};
 use firn::http::{App, Gate};
-use firn::session::{Durability, Limits, OpenBackend, Sessions, World, WorldConfig};
+use firn::session::{Limits, Sessions};
 use reqwest::header::{ACCEPT, CONTENT_TYPE, HeaderMap};
 use reqwest::{Client, Method};
 use serde_json::{Value, json};
@@ -99,7 +100,7 @@ pub struct Server {
     pub app: App,
     shutdown: CancellationToken,
     serving: Option<JoinHandle<std::io::Result<()>>>,
-    world: Option<World>,
+    world: Option<Driver>,
     client: Client,
 }
 
@@ -183,7 +184,7 @@ impl Server {
     /// Starts a server on the device that a function opens.
     pub async fn start_on(open: OpenBackend, options: Options, durability: Durability) -> Server {
         let config = WorldConfig { limits: options.limits, publish_rate: 20.0, sleep: true };
-        let (sessions, world) = World::open(open, config, durability).expect(
+        let (sessions, world) = Driver::open(open, config, durability).expect(
             "a graphics adapter is needed, a software one will do; FIRN_SKIP_GPU_TESTS=1 leaves \
              these tests out",
         );

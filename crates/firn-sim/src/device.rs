@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use firn::driver::OpenBackend;
 use firn::machine;
-use firn::session::OpenBackend;
 use firn_engine::cpu::CpuBackend;
 use firn_engine::frame::{Backend, DeviceInfo, EngineError, Frame, Outcome, Slot};
 use firn_engine::made::{Made, Maker};

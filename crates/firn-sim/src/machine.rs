@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 use std::time::{Duration, Instant, SystemTime};
 
+use firn::driver::ManualJournal;
 use firn::machine::{Simulated, Work};
-use firn::session::ManualJournal;
 use rand::rngs::SmallRng;
 use rand::{Rng, RngCore, SeedableRng};
 

@@ -8,8 +8,9 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use firn::driver::{ManualJournal, ManualWorld, WorldConfig};
 use firn::machine::Simulated;
-use firn::session::{Limits, ManualJournal, ManualWorld, Sessions, WorldConfig};
+use firn::session::{Limits, Sessions};
 use firn_protocol::stream::SubProtocol;
 use firn_protocol::{SessionSpec, SnowLayer};
 use firn_snow::Grid;

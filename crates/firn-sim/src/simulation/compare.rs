@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use firn::session::{Change, ManualJournal, SessionError, Sessions};
+use firn::driver::ManualJournal;
+use firn::session::{Change, SessionError, Sessions};
 use firn_protocol::{SettingsPatch, StepSpec};
 use rand::Rng;
 

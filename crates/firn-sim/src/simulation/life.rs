@@ -3,8 +3,9 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
+use firn::driver::ManualWorld;
 use firn::machine::Simulated;
-use firn::session::{ManualWorld, Sessions, StoreState};
+use firn::session::{Sessions, StoreState};
 use rand::Rng;
 
 use crate::client;

@@ -1,0 +1,141 @@
+//! What the core is told, taken in between frames.
+
+use std::sync::Arc;
+
+use crate::core::back::Coming;
+use crate::core::making::{Of, Room};
+use crate::core::record::{Anchor, Identity, Log, Part};
+use crate::core::session::answer::Answer;
+use crate::core::session::error::SessionError;
+use crate::core::session::orders::Reply;
+use crate::core::session::outlet::Outlet;
+use crate::core::session::simulation::Simulation;
+use crate::core::session::token::TokenHashes;
+use crate::core::stop::Stop;
+use crate::core::{Control, Creation, Input, World};
+
+impl World {
+    pub(crate) fn take_input(&mut self, input: Input) {
+        match input {
+            Input::Create { creation, made } => match self.refusal() {
+                Some(why) => creation.reply.refuse(&why),
+                None => self.make(Ok(made), Of::Creation(creation)),
+            },
+            Input::Request { key, request } => match self.absence() {
+                Some(why) => request.refuse(&why),
+                None => self.post(key, request),
+            },
+            Input::Control { key, control } => match self.absence() {
+                Some(why) => control.refuse(&why),
+                None => self.control(key, control),
+            },
+            Input::Beat => self.beat_due = true,
+            Input::Made { slot, result } => self.made(slot, result),
+            Input::Done(outcome) => self.conclude_frame(outcome),
+            Input::Lost(why) => self.lose_device(why),
+            Input::Opened(is_open) => self.opened(is_open),
+            Input::Read(read) => self.take_in_all(read),
+            Input::Journal(verdict) => self.hear(verdict),
+            Input::JournalDied => self.lose_journal(),
+            Input::Stop(until) => self.stop = Some(Stop::by(until, self.now.instant)),
+            Input::Nudge | Input::Break(_) => {}
+        }
+    }
+
+    /// Why nothing can be asked now, if that is so.
+    fn absence(&self) -> Option<SessionError> {
+        self.not_begun().or_else(|| self.device.refusal())
+    }
+
+    /// Why nothing can be changed now, if that is so.
+    fn refusal(&self) -> Option<SessionError> {
+        self.absence().or_else(|| self.storage.refusal())
+    }
+
+    /// Does something of a session at once.
+    fn control(&mut self, key: u64, control: Control) {
+        let Some(session) = self.session(key).cloned() else {
+            control.refuse(&gone());
+            return;
+        };
+        match control {
+            Control::Delete(reply) => self.delete(key, Some(reply)),
+            Control::Tokens(hashes, reply) => self.set_tokens(session, hashes, reply),
+            Control::Unlock(reply) => self.unlock(key, reply),
+            Control::Wake => self.wake(key),
+            Control::EndStep(number) => self.end_step(key, number),
+        }
+    }
+
+    /// A session, wherever its snow is.
+    pub(crate) fn session(&self, key: u64) -> Option<&Arc<Outlet>> {
+        let simulated = self.simulations.get(&key).map(|simulation| &simulation.session);
+        let coming = || self.coming.get(&key).map(Coming::session);
+        simulated.or_else(|| self.hibernating.get(&key)).or_else(coming)
+    }
+
+    /// Begins a session that there is room for.
+    pub(crate) fn begin_session(&mut self, creation: Creation, room: Room) {
+        let Creation { session, saved, done, reply } = creation;
+        let Room { slot, object_rows, units } = room;
+        let key = session.key;
+        let mut anchor = Anchor { adapter: self.adapter, ..Anchor::default() };
+        anchor.set_seq(self.round, session.epochs.first_seq());
+        let identity = Arc::new(session.identity());
+        let (origin, epochs) = (session.origin.clone(), session.epochs.clone());
+        let now = self.now.instant;
+        let log = Log::created(identity, origin, epochs, anchor, done, now);
+        let mut simulation = Simulation::new(session, slot, self.frame, log, object_rows);
+        simulation.portions.furnish(units);
+        self.simulations.insert(key, simulation);
+        self.guard(key, |simulation| {
+            simulation.begin(saved.as_deref());
+            simulation.next.replies.push(Reply::Created(reply));
+        });
+        self.review(key);
+    }
+
+    /// Gives a session other tokens, once that is durable.
+    fn set_tokens(&mut self, session: Arc<Outlet>, tokens: TokenHashes, reply: Answer<()>) {
+        if let Some(why) = self.storage.refusal() {
+            reply.refuse(&why);
+            return;
+        }
+        let identity = Arc::new(Identity { tokens, ..session.identity() });
+        self.submit_parts(session.key, vec![Part::Identity(identity)], Some(reply));
+    }
+
+    /// Ends a step that nobody waits for any more, at the tick it has reached, or before it has begun.
+    fn end_step(&mut self, key: u64, number: u64) {
+        if let Some(inbox) = self.mail.get_mut(&key) {
+            inbox.forget_step(number);
+        }
+        self.guard(key, |simulation| simulation.forget_step(number));
+        self.review(key);
+    }
+
+    /// Unlocks a session, once that is durable.
+    fn unlock(&mut self, key: u64, reply: Answer<()>) {
+        match self.storage.refusal() {
+            Some(why) => reply.refuse(&why),
+            None => self.submit_parts(key, vec![Part::Lock(None)], Some(reply)),
+        }
+    }
+
+    /// Takes a session out of the world. Whoever waits for it gets `why`.
+    pub(crate) fn remove(&mut self, key: u64, why: &SessionError) {
+        let Some(simulation) = self.simulations.remove(&key) else { return };
+        if self.checkpointing == Some(key) {
+            self.checkpointing = None;
+        }
+        self.free(simulation.slot);
+        let session = simulation.session.clone();
+        self.refuse_mail(key, why);
+        self.forget(key, &session);
+        simulation.refuse_all(why);
+    }
+}
+
+pub(crate) fn gone() -> SessionError {
+    SessionError::NotFound { kind: "session", id: "deleted meanwhile".to_owned() }
+}

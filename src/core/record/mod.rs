@@ -1,0 +1,19 @@
+//! What sessions come back from: what is durable of them, and what is on its way there.
+
+mod anchor;
+mod entry;
+mod fold;
+mod lock;
+mod log;
+mod replay;
+mod stored;
+mod weight;
+
+pub(crate) use anchor::{Anchor, Epochs, Exact, Heartbeat};
+pub(crate) use entry::{Checkpoint, Entry, Head, Identity};
+pub(crate) use fold::Fold;
+pub(crate) use lock::Lock;
+pub(crate) use log::{Left, Log, Taken};
+pub(crate) use replay::Replay;
+pub(crate) use stored::{Append, Part, Pending, Record, Stored};
+pub(crate) use weight::{Weight, bytes_of, heap_bytes};

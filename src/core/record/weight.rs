@@ -1,0 +1,97 @@
+//! Memory that the record of a session takes, kept up to date as it changes: whoever asks for it does
+//! not look at the record.
+
+use std::collections::VecDeque;
+use std::mem::size_of;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use firn_protocol::{SessionSpec, SnowLayer};
+
+use crate::core::record::{Checkpoint, Entry, Identity, Stored};
+use crate::core::session::command::{Command, ObjectSpec};
+use crate::session::idempotency::RequestKey;
+use crate::session::once::Done;
+
+/// Counters of an `Arc`.
+const SHARED: usize = 2 * size_of::<usize>();
+
+/// What came of a request that carried a key: itself, and places in two queues and a table of which
+/// two thirds are in use on average.
+const DONE: usize = SHARED
+    + size_of::<Done>()
+    + (size_of::<Arc<Done>>()
+        + size_of::<(u64, Arc<Done>)>()
+        + size_of::<(RequestKey, Arc<Done>)>())
+        * 3
+        / 2;
+
+/// Bytes of a session's record. Clones are handles to the same.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Weight(Arc<AtomicU64>);
+
+impl Weight {
+    /// As it was noted last.
+    pub fn get(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+impl Stored {
+    /// Notes how much it takes, for whoever has the session.
+    pub fn weigh(&self) {
+        let origin = self.origin.as_ref().map_or(0, |origin| SHARED + origin.len());
+        let checkpoint = self.checkpoint.as_ref().map_or(0, |saved| saved.bytes());
+        let own = size_of::<Stored>() + self.identity.bytes() + origin + checkpoint;
+        let queued = self.entries.capacity() * size_of::<Arc<Entry>>() + self.entry_bytes;
+        let all = own + queued + self.done.len() * DONE;
+        self.identity.weight.0.store(all as u64, Ordering::Relaxed);
+    }
+}
+
+/// Memory that some entries take, beside their places in a queue.
+pub(crate) fn bytes_of(entries: &VecDeque<Arc<Entry>>) -> usize {
+    entries.iter().map(|entry| entry.bytes()).sum()
+}
+
+impl Identity {
+    fn bytes(&self) -> usize {
+        let texts = [&self.id, &self.created_at].map(|text| text.capacity());
+        let heap = heap_bytes(&self.spec) + texts.iter().sum::<usize>();
+        SHARED + size_of::<Identity>() + heap
+    }
+}
+
+impl Checkpoint {
+    fn bytes(&self) -> usize {
+        let versions = self.versions.capacity() * size_of::<u64>();
+        SHARED + size_of::<Checkpoint>() + versions + self.snapshot.capacity()
+    }
+}
+
+impl Entry {
+    pub(crate) fn bytes(&self) -> usize {
+        let commands = self.commands.capacity() * size_of::<Command>();
+        SHARED
+            + size_of::<Entry>()
+            + commands
+            + self.commands.iter().map(Command::heap).sum::<usize>()
+    }
+}
+
+impl Command {
+    /// Memory that it takes beside its own size.
+    fn heap(&self) -> usize {
+        let Command::Objects { removed, put } = self else { return 0 };
+        let names = removed.iter().chain(put.iter().map(|(id, _)| id));
+        let places = removed.capacity() * size_of::<Arc<str>>()
+            + put.capacity() * size_of::<(Arc<str>, ObjectSpec)>();
+        places + names.map(|id| SHARED + id.len()).sum::<usize>()
+    }
+}
+
+/// Memory that what a session is created with takes beside its own size and the ground, which whoever has a
+/// copy shares \[bytes\].
+pub(crate) fn heap_bytes(spec: &SessionSpec) -> usize {
+    spec.initial_snow.capacity() * size_of::<SnowLayer>()
+}

@@ -1,0 +1,96 @@
+//! Commands, carried out: live ones, and those of the journal.
+
+use firn_engine::frame::{Deposit, Edit, Placement};
+use firn_snow::{Footprint, Material};
+use std::sync::Arc;
+
+use crate::core::session::command::{Command, Kept, ObjectSpec};
+use crate::core::session::orders::{Counted, Orders};
+use crate::core::session::state::{Collider, SessionState};
+
+/// What may move again after a command.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Disturbed {
+    /// Tiles in which something may, where there are any.
+    pub tiles: Option<u64>,
+    /// Every tile has to be looked at again.
+    pub all: bool,
+}
+
+impl SessionState {
+    /// Carries out a command in the frame of some orders. It can't fail.
+    pub fn apply(&mut self, command: &Command, orders: &mut Orders) -> Disturbed {
+        match command {
+            Command::Deposit { columns, depth, mass, celsius } => {
+                let kept = Kept::of(*depth, *mass, &self.grid);
+                let all = u128::from(columns.columns());
+                orders.counted.push(Counted::Refused(orders.edits.len()));
+                self.ledger.fallen += u128::from(*mass) * all;
+                self.ledger.refused += u128::from(kept.refused) * all;
+                orders.edits.push(Edit::Deposit(Deposit {
+                    columns: *columns,
+                    depth: kept.depth,
+                    mass: kept.mass,
+                    temperature: *celsius,
+                }));
+                Disturbed { tiles: Some(columns.tiles().columns()), all: false }
+            }
+            Command::Clear { columns, depth } => {
+                orders.counted.push(Counted::Cleared(orders.edits.len()));
+                orders.edits.push(Edit::Clear { columns: *columns, depth: *depth });
+                Disturbed { tiles: Some(columns.tiles().columns()), all: false }
+            }
+            Command::Settings { settings, stiffness_exponent } => {
+                let (old, new) = (self.settings, *settings);
+                let weather = (new.time_scale, new.tick_rate, new.snowfall_rate);
+                if weather != (old.time_scale, old.tick_rate, old.snowfall_rate) {
+                    self.falling.mark(self.clock.tick(), self.snowing());
+                }
+                let rate = (new.time_scale, new.tick_rate) != (old.time_scale, old.tick_rate);
+                if rate {
+                    self.clock.set_rate(new.tick_rate, new.time_scale);
+                }
+                let stiffness = *stiffness_exponent != self.material.stiffness_exponent;
+                if stiffness {
+                    self.material =
+                        Material { stiffness_exponent: *stiffness_exponent, ..self.material };
+                    orders.edits.push(Edit::SetMaterial(self.material));
+                }
+                orders.changed |= new != old || stiffness;
+                self.settings = new;
+                Disturbed { tiles: None, all: rate || stiffness }
+            }
+            // It brings another state along.
+            Command::Reset => Disturbed::default(),
+            Command::Objects { removed, put } => {
+                let removed = removed.iter().map(|id| self.remove(id, orders)).sum::<u64>();
+                let put = put.iter().map(|(id, object)| self.put(id, object, orders)).sum::<u64>();
+                orders.changed |= removed + put > 0;
+                Disturbed { tiles: Some(removed + put).filter(|tiles| *tiles > 0), all: false }
+            }
+        }
+    }
+
+    /// Puts an object. Returns on how many tiles it stands.
+    fn put(&mut self, id: &Arc<str>, object: &ObjectSpec, orders: &mut Orders) -> u64 {
+        let ObjectSpec { mass, shape, position } = *object;
+        // It was in the grid when this was decided.
+        let Some(footprint) = Footprint::new(&self.grid, &shape, position) else { return 0 };
+        // A change of mass alone doesn't move an object: the depth it has sunk goes on counting.
+        let moved = |old: &Collider| old.shape != shape || old.position != position;
+        let placed = self.colliders.get(id).is_none_or(moved);
+        let collider = Arc::new(Placement { mass, footprint });
+        orders.edits.push(Edit::PutCollider { id: id.clone(), collider, placed });
+        let collider = Collider::new(mass, shape, position, &self.grid);
+        let tiles = collider.reach.tiles;
+        self.colliders.insert(id.clone(), collider);
+        tiles
+    }
+
+    /// Takes an object away. Returns on how many tiles it stood.
+    fn remove(&mut self, id: &Arc<str>, orders: &mut Orders) -> u64 {
+        let Some((id, collider)) = self.colliders.remove_entry(id) else { return 0 };
+        orders.edits.push(Edit::RemoveCollider { id });
+        collider.reach.tiles
+    }
+}

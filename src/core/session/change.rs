@@ -1,0 +1,104 @@
+//! The changes a client can make to a session, the same over REST and the stream, and what is answered.
+
+use firn_protocol::{
+    AirTemperature, AirTemperatureReply, Clearing, ClearingReply, ColliderBatch, ColliderPatch,
+    ColliderReply, ColliderSpec, SettingsPatch, Snowfall, SnowfallReply, Stamp,
+};
+use serde::{Deserialize, Serialize};
+
+/// A change of a session, validated when it is applied.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Change {
+    /// Fresh snow falls.
+    Snowfall(Snowfall),
+    /// Snow is cleared to a depth.
+    Clearing(Clearing),
+    /// The air gets another temperature.
+    AirTemperature(AirTemperature),
+    /// Settings change.
+    Settings(SettingsPatch),
+    /// A collider is created; taken where its id exists already.
+    CreateCollider(ColliderSpec),
+    /// A collider is created or replaced.
+    PutCollider(ColliderSpec),
+    /// Parts of a collider change.
+    PatchCollider {
+        /// Its id.
+        id: String,
+        /// The parts.
+        patch: ColliderPatch,
+    },
+    /// A collider is removed.
+    DeleteCollider {
+        /// Its id.
+        id: String,
+    },
+    /// Several colliders are put and removed, all or none.
+    Colliders(ColliderBatch),
+}
+
+impl Change {
+    /// How much there is to do: each object of a batch counts.
+    pub(crate) fn entries(&self) -> usize {
+        match self {
+            Change::Colliders(batch) => batch.put.len() + batch.delete.len(),
+            _ => 1,
+        }
+    }
+
+    /// Memory that it takes, about \[bytes\].
+    pub(crate) fn bytes(&self) -> usize {
+        let id = |spec: &ColliderSpec| spec.id.as_ref().map_or(0, String::capacity);
+        let beside = match self {
+            Change::CreateCollider(spec) | Change::PutCollider(spec) => id(spec),
+            Change::Colliders(batch) => {
+                let put = batch.put.iter().map(|spec| size_of::<ColliderSpec>() + id(spec));
+                let delete = batch.delete.iter().map(|id| size_of::<String>() + id.capacity());
+                put.chain(delete).sum()
+            }
+            Change::PatchCollider { id, .. } | Change::DeleteCollider { id } => id.capacity(),
+            Change::Snowfall(_)
+            | Change::Clearing(_)
+            | Change::AirTemperature(_)
+            | Change::Settings(_) => 0,
+        };
+        size_of::<Change>() + beside
+    }
+}
+
+/// Answer to a change, as it is given over REST and in the stream's acks.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Applied {
+    /// To a snowfall.
+    Snowfall(SnowfallReply),
+    /// To a clearing.
+    Clearing(ClearingReply),
+    /// To an air temperature.
+    AirTemperature(AirTemperatureReply),
+    /// To a collider that was put or patched.
+    Collider {
+        /// The answer.
+        #[serde(flatten)]
+        reply: ColliderReply,
+        /// Whether it was not there before.
+        #[serde(skip)]
+        created: bool,
+    },
+    /// To everything else.
+    Stamp(Stamp),
+}
+
+impl Applied {
+    /// Of which state it is.
+    pub fn stamp(&self) -> Stamp {
+        match self {
+            Applied::Snowfall(reply) => reply.stamp,
+            Applied::Clearing(reply) => reply.stamp,
+            Applied::AirTemperature(reply) => reply.stamp,
+            Applied::Collider { reply, .. } => reply.stamp,
+            Applied::Stamp(stamp) => *stamp,
+        }
+    }
+}

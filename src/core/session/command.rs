@@ -1,0 +1,62 @@
+//! What is done with a snowpack: a change of a client that was checked and completed, so that it can't fail
+//! any more.
+
+use std::sync::Arc;
+
+use firn_protocol::Settings;
+use firn_snow::{ColumnRect, Grid, Position, Shape};
+use serde::{Deserialize, Serialize};
+
+use crate::core::session::orders::Told;
+
+/// What is done with a snowpack. It needs nothing but the state before it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Command {
+    /// So much falls on each of some columns, in quanta.
+    Deposit { columns: ColumnRect, depth: u64, mass: u64, celsius: f32 },
+    /// Columns are cleared to a depth in quanta.
+    Clear { columns: ColumnRect, depth: u32 },
+    /// All settings, as they become.
+    Settings { settings: Settings, stiffness_exponent: f64 },
+    /// Objects are taken away, then put.
+    Objects { removed: Vec<Arc<str>>, put: Vec<(Arc<str>, ObjectSpec)> },
+    /// Back to the state that the session was created in.
+    Reset,
+}
+
+/// An object, as it is put.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ObjectSpec {
+    pub mass: f64,
+    pub shape: Shape,
+    pub position: Position,
+}
+
+/// A command, and what is told of it.
+#[derive(Debug)]
+pub(crate) struct Decision {
+    pub command: Command,
+    pub told: Told,
+}
+
+/// What of a snowfall finds no room in any column, whatever lies in it: a column has so many cells.
+pub(crate) struct Kept {
+    pub depth: u32,
+    pub mass: u32,
+    /// Mass of each column that is refused, in quanta.
+    pub refused: u64,
+}
+
+impl Kept {
+    /// Of a depth and a mass, in quanta of one column.
+    pub fn of(depth: u64, mass: u64, grid: &Grid) -> Kept {
+        let room = u64::from(grid.height) * u64::from(firn_snow::CELL);
+        let (depth, kept) = if depth > room {
+            (room, (u128::from(mass) * u128::from(room) / u128::from(depth)) as u64)
+        } else {
+            (depth, mass)
+        };
+        Kept { depth: depth as u32, mass: kept as u32, refused: mass - kept }
+    }
+}

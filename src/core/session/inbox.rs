@@ -1,0 +1,153 @@
+//! What is asked of one session waits here, wherever its snow is, until the session is between two ticks and
+//! the coming frame has room for it. It is taken in the order in which it came: what is told, journaled and
+//! saved of a frame is of one moment.
+
+use std::collections::VecDeque;
+
+use firn_engine::frame::SampleBox;
+use firn_protocol::{MassView, StepSpec};
+use firn_snow::ColumnRect;
+
+use crate::core::session::answer::Answer;
+use crate::core::session::change::{Applied, Change};
+use crate::core::session::error::SessionError;
+use crate::core::session::gather::{Gathered, MOST_SAMPLES, Sampled};
+use crate::core::session::orders::MOST_CHANGES;
+use crate::core::session::receipt::Receipted;
+use crate::core::session::simulation::Simulation;
+use crate::core::snapshot::Snapshot;
+use crate::session::once::Once;
+
+/// Something to be run with a simulation.
+pub(crate) type Look = Box<dyn FnOnce(&Simulation) + Send>;
+
+/// What a session is asked.
+pub(crate) enum Request {
+    Change { change: Change, once: Option<Once>, reply: Answer<Receipted<Applied>> },
+    Step { number: u64, step: StepSpec, reply: Answer<Receipted<()>> },
+    Reset { saved: Option<Box<Snapshot>>, reply: Answer<Receipted<()>> },
+    Snapshot { reply: Answer<Snapshot> },
+    Gather { tiles: Vec<u32>, reply: Answer<Gathered> },
+    Sample { columns: ColumnRect, y0: u32, height: u32, reply: Answer<Sampled> },
+    Mass { reply: Answer<MassView> },
+    Inspect { look: Look, reply: Answer<()> },
+}
+
+impl Request {
+    /// Tells whoever sent it why there is no answer.
+    pub fn refuse(self, why: &SessionError) {
+        match self {
+            Request::Change { reply, .. } => reply.refuse(why),
+            Request::Step { reply, .. } | Request::Reset { reply, .. } => reply.refuse(why),
+            Request::Inspect { reply, .. } => reply.refuse(why),
+            Request::Snapshot { reply } => reply.refuse(why),
+            Request::Gather { reply, .. } => reply.refuse(why),
+            Request::Sample { reply, .. } => reply.refuse(why),
+            Request::Mass { reply } => reply.refuse(why),
+        }
+    }
+
+    /// Whether it has to be made durable.
+    fn changes(&self) -> bool {
+        matches!(self, Request::Change { .. } | Request::Step { .. } | Request::Reset { .. })
+    }
+}
+
+/// Requests that wait for one session, the oldest first.
+#[derive(Default)]
+pub(crate) struct Inbox(VecDeque<Request>);
+
+impl Inbox {
+    /// Adds a request. Only one reset may wait: each brings a whole snowpack along.
+    pub fn push(&mut self, request: Request) {
+        let resets = |waiting: &Request| matches!(waiting, Request::Reset { .. });
+        if resets(&request) && self.0.iter().any(resets) {
+            let conflict = "the session is being reset; wait for that".to_owned();
+            request.refuse(&SessionError::Conflict(conflict));
+        } else {
+            self.0.push_back(request);
+        }
+    }
+
+    /// Forgets a step that nobody waits for.
+    pub fn forget_step(&mut self, step: u64) {
+        let is_it =
+            |request: &Request| matches!(request, Request::Step { number, .. } if *number == step);
+        self.0.retain(|request| !is_it(request));
+    }
+
+    /// Whether nothing waits.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Tells everybody who waits why there is no answer.
+    pub fn refuse(self, why: &SessionError) {
+        self.0.into_iter().for_each(|request| request.refuse(why));
+    }
+}
+
+impl Simulation {
+    /// Takes in what waits, as much as the coming frame should carry. Changes are refused where nothing can
+    /// be stored; `most_colliders` is how many objects there may be.
+    pub(crate) fn drain(
+        &mut self,
+        inbox: &mut Inbox,
+        most_colliders: usize,
+        refusal: Option<&SessionError>,
+    ) {
+        while let Some(request) = inbox.0.pop_front_if(|request| self.has_room_for(request)) {
+            match refusal.filter(|_| request.changes()) {
+                Some(why) => request.refuse(why),
+                None => self.take(request, most_colliders),
+            }
+        }
+    }
+
+    /// Whether it may take in something of what waits.
+    pub(crate) fn takes(&self, inbox: &Inbox) -> bool {
+        inbox.0.front().is_some_and(|request| self.has_room_for(request))
+    }
+
+    /// Why a request can't be taken in, whatever is done before it.
+    pub(crate) fn conflict(&self, request: &Request) -> Option<SessionError> {
+        let steps = matches!(request, Request::Step { .. } | Request::Reset { .. });
+        (steps && self.step.is_some()).then(|| {
+            SessionError::Conflict("the session is being stepped already; wait for that".to_owned())
+        })
+    }
+
+    fn has_room_for(&self, request: &Request) -> bool {
+        let fits = match request {
+            // The ticks that it has put off come first.
+            Request::Snapshot { .. } => !self.answered_first,
+            Request::Sample { columns, height, .. } => {
+                let cells = columns.columns() * u64::from(*height);
+                self.next.sampled_cells() + cells <= MOST_SAMPLES
+            }
+            _ => self.next.changes < MOST_CHANGES,
+        };
+        fits && !self.portions.are_under_way() && self.replay.is_none()
+    }
+
+    fn take(&mut self, request: Request, most_colliders: usize) {
+        match request {
+            Request::Change { change, once, reply } => {
+                self.change(change, once, most_colliders, reply);
+            }
+            Request::Step { number, step, reply } => self.begin_step(number, &step, reply),
+            Request::Reset { saved, reply } => self.begin_reset(saved.as_deref(), reply),
+            Request::Snapshot { reply } => self.next.snapshots.push(reply),
+            Request::Gather { tiles, reply } => self.next.gathers.push((tiles, reply)),
+            Request::Sample { columns, y0, height, reply } => {
+                let dt = self.cycle_length();
+                self.next.samples.push((SampleBox { columns, y0, height, dt }, reply));
+            }
+            Request::Mass { reply } => self.next.tallies.push(reply),
+            Request::Inspect { look, reply } => {
+                look(self);
+                reply.give(Ok(()));
+            }
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! What a session has to do in a frame, and who waits for it.
+
+use std::sync::Arc;
+
+use firn_engine::frame::{Edit, SampleBox};
+use firn_protocol::MassView;
+
+use crate::core::session::answer::Answer;
+use crate::core::session::change::Applied;
+use crate::core::session::clock::{Advance, Clock};
+use crate::core::session::error::SessionError;
+use crate::core::session::gather::{Gathered, Sampled};
+use crate::core::session::receipt::Receipted;
+use crate::core::snapshot::Snapshot;
+use crate::session::once::Once;
+
+/// Changes of one session in one frame after which others of it wait for the next.
+pub(crate) const MOST_CHANGES: usize = 4096;
+
+/// What is waiting for the next frame.
+#[derive(Debug, Default)]
+pub(crate) struct Orders {
+    pub edits: Vec<Edit>,
+    /// Edits whose outcome goes into the ledger.
+    pub counted: Vec<Counted>,
+    /// Changes that were made or refused for it, each object of a batch for itself.
+    pub changes: usize,
+    pub wake: bool,
+    pub replies: Vec<Reply>,
+    /// Columns and tiles wanted.
+    pub gathers: Vec<(Vec<u32>, Answer<Gathered>)>,
+    pub tallies: Vec<Answer<MassView>>,
+    /// Boxes of the fixed grid wanted.
+    pub samples: Vec<(SampleBox, Answer<Sampled>)>,
+    /// Everything wanted, as it can be restored.
+    pub snapshots: Vec<Answer<Snapshot>>,
+    /// A snapshot is wanted for a checkpoint.
+    pub checkpoint: bool,
+    /// Settings, colliders or anything else that has no tile changed.
+    pub changed: bool,
+    /// There is a reset among it.
+    pub reset: bool,
+}
+
+/// An edit of which the device finds out what goes into the ledger.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Counted {
+    /// What of a snowfall found no room.
+    Refused(usize),
+    /// What was cleared away.
+    Cleared(usize),
+}
+
+/// What went with the frame in flight.
+#[derive(Debug, Default)]
+pub(crate) struct Flight {
+    pub orders: Orders,
+    pub advance: Advance,
+    pub clock_before: Option<Clock>,
+    pub publish: bool,
+    /// Round that it is published in.
+    pub round: u64,
+}
+
+/// An answer that is due when the frame is published.
+#[derive(Debug)]
+pub(crate) enum Reply {
+    /// To the change that made a snowpack.
+    Created(Answer<Receipted<()>>),
+    /// To a reset, and to a step that has ended.
+    Done(Answer<Receipted<()>>),
+    /// To a change, of which `edit` was the last edit.
+    Change { told: Told, edit: usize, once: Option<Once>, answer: Answer<Receipted<Applied>> },
+}
+
+/// What the answer to a change tells.
+#[derive(Clone, Debug)]
+pub(crate) enum Told {
+    /// `refused` is what was refused without asking the backend.
+    Snowfall {
+        fallen: u128,
+        refused: u128,
+    },
+    Clearing,
+    AirTemperature,
+    Collider {
+        id: Arc<str>,
+        created: bool,
+    },
+    Settings,
+    Stamp,
+}
+
+impl Orders {
+    /// Whether there is something that a frame is to be made for.
+    pub fn are_urgent(&self) -> bool {
+        !self.edits.is_empty() || self.want_answers() || self.changes >= MOST_CHANGES
+    }
+
+    /// Cells of the fixed grid that are wanted.
+    pub fn sampled_cells(&self) -> u64 {
+        self.samples.iter().map(|(wanted, _)| wanted.cells()).sum()
+    }
+
+    /// Whether a frame is to be published at once.
+    pub fn want_answers(&self) -> bool {
+        self.are_awaited() || !self.counted.is_empty()
+    }
+
+    /// Whether somebody waits for the frame: nobody does for snow that falls by itself.
+    pub fn are_awaited(&self) -> bool {
+        !self.replies.is_empty() || self.want_reads()
+    }
+
+    fn want_reads(&self) -> bool {
+        !self.gathers.is_empty()
+            || !self.tallies.is_empty()
+            || !self.samples.is_empty()
+            || !self.snapshots.is_empty()
+            || self.checkpoint
+    }
+
+    /// Tells everybody who waits why there is no answer.
+    pub fn refuse(self, why: &SessionError) {
+        for reply in self.replies {
+            match reply {
+                Reply::Created(answer) | Reply::Done(answer) => answer.refuse(why),
+                Reply::Change { answer, .. } => answer.refuse(why),
+            }
+        }
+        self.gathers.into_iter().for_each(|(_, answer)| answer.refuse(why));
+        self.tallies.into_iter().for_each(|answer| answer.refuse(why));
+        self.snapshots.into_iter().for_each(|answer| answer.refuse(why));
+        self.samples.into_iter().for_each(|(_, answer)| answer.refuse(why));
+    }
+}

@@ -1,0 +1,303 @@
+//! What came of a frame: the mirror brought up to date, requests answered, streams told.
+
+use std::sync::{Arc, PoisonError};
+use std::time::Duration;
+
+use firn_engine::frame::WorkOutcome;
+use firn_engine::published::TileColumns;
+use firn_protocol::{
+    AirTemperatureReply, ClearingReply, ColliderReply, ColliderView, Event, SnowfallReply, Stamp,
+};
+use firn_snow::{CELL, Contact, Grid, TILE_COLUMNS};
+
+use crate::core::record::Taken;
+use crate::core::session::change::Applied;
+use crate::core::session::gather::{Gathered, Sampled};
+use crate::core::session::mirror::Mirror;
+use crate::core::session::orders::{Counted, Orders, Reply, Told};
+use crate::core::session::outlet::Outlet;
+use crate::core::session::receipt::Receipted;
+use crate::core::session::simulation::Simulation;
+use crate::core::session::state::{Collider, SessionState};
+use crate::core::snapshot::Snapshot;
+use crate::session::once::Done;
+
+/// Says that a session has published a state.
+#[derive(Clone, Copy, Debug)]
+pub struct Publication {
+    /// How many the server had published of this session, with this one. Seq does not tell: it may
+    /// pass over numbers.
+    pub number: u64,
+    /// Time of the state.
+    pub tick: u64,
+}
+
+impl Simulation {
+    /// Takes in the outcome of the frame in flight; `tiles` are those of it that changed. `stored` is the time by
+    /// the store's clock.
+    pub(crate) fn conclude<'a>(
+        &mut self,
+        outcome: WorkOutcome,
+        tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
+        stored: Duration,
+    ) {
+        let Some(outcome) = self.portions.take_in(outcome) else { return };
+        if self.flight.publish {
+            self.portions.awake(outcome.active_tiles);
+        }
+        self.enter_ledger(&outcome.edits);
+        let was_settled = self.is_settled();
+        self.conclude_run(outcome.last_change);
+        if self.replay.is_some() {
+            if self.flight.publish {
+                self.recall(&outcome, tiles);
+            }
+            self.deposit_falling();
+            return;
+        }
+        let settles = self.is_settled() && !was_settled;
+        if self.flight.publish {
+            let orders = std::mem::take(&mut self.flight.orders);
+            let stamp = self.publish(&orders, &outcome, tiles);
+            let settled = settles.then_some(Event::Settled { stamp });
+            let reset = orders.reset.then_some(Event::Reset { stamp });
+            self.answer(orders, outcome, stamp, stored);
+            for event in reset.into_iter().chain(settled) {
+                self.tell(event);
+            }
+        } else if settles {
+            let stamp = Stamp { tick: self.state.clock.tick(), seq: self.session.mirror().seq };
+            self.tell(Event::Settled { stamp });
+        }
+        self.deposit_falling();
+    }
+
+    /// Enters what the frame's edits refused and cleared.
+    fn enter_ledger(&mut self, edits: &[u64]) {
+        let ledger = &mut self.state.ledger;
+        for counted in &self.flight.orders.counted {
+            match *counted {
+                Counted::Refused(edit) => ledger.refused += u128::from(edits[edit]),
+                Counted::Cleared(edit) => ledger.cleared += u128::from(edits[edit]),
+            }
+        }
+    }
+
+    /// Brings the mirror up to date.
+    fn publish<'a>(
+        &mut self,
+        orders: &Orders,
+        outcome: &WorkOutcome,
+        tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
+    ) -> Stamp {
+        let mut tiles = tiles.peekable();
+        let session = self.session.clone();
+        self.take_contacts(&outcome.contacts);
+        let colliders = collider_views(&self.state, self.session.ground.0);
+        let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        let colliders_changed = *mirror.colliders != *colliders;
+        let asked = orders.replies.iter().any(|reply| matches!(reply, Reply::Change { .. }));
+        let changed = tiles.peek().is_some() || colliders_changed || orders.changed || asked;
+        let seq = if changed { self.log.seq_in(self.flight.round) } else { mirror.seq };
+        let brought_back = std::mem::take(&mut self.brought_back);
+        for (tile, heights) in tiles {
+            // All tiles of a session that was brought back are told: most are as they were.
+            if !(brought_back && mirror.shows(tile, heights)) {
+                mirror.update(tile, heights, seq);
+            }
+        }
+        if colliders_changed {
+            mirror.colliders = colliders;
+            mirror.colliders_version = seq;
+        }
+        self.write_clock(&mut mirror);
+        mirror.active_tiles = outcome.active_tiles;
+        mirror.seq = seq;
+        drop(mirror);
+        self.unpublished = false;
+        let stamp = Stamp { tick: self.state.clock.tick(), seq };
+        if changed {
+            session.published.send_modify(|publication| {
+                *publication = Publication { number: publication.number + 1, tick: stamp.tick };
+            });
+        }
+        stamp
+    }
+
+    /// Makes the mirror what it was when what is restored was saved.
+    fn recall<'a>(
+        &mut self,
+        outcome: &WorkOutcome,
+        tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
+    ) {
+        self.take_contacts(&outcome.contacts);
+        let session = self.session.clone();
+        let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        tiles.for_each(|(tile, heights)| mirror.recall(tile, heights));
+        mirror.colliders = collider_views(&self.state, self.session.ground.0);
+        mirror.colliders_version = mirror.seq;
+        mirror.active_tiles = outcome.active_tiles;
+        self.write_clock(&mut mirror);
+    }
+
+    /// Everything of the mirror that costs nothing to copy.
+    fn write_clock(&self, mirror: &mut Mirror) {
+        mirror.clock = self.state.clock;
+        mirror.resting_since = self.passes().then_some(self.frame);
+        mirror.settled = self.is_settled();
+        mirror.mass_quanta = self.state.ledger.present();
+        mirror.settings = self.state.settings;
+        mirror.material = self.state.material;
+    }
+
+    /// Takes in how objects touch the snow. On snow that has settled all of them rest: cycles that
+    /// would find that are not carried out any more.
+    fn take_contacts(&mut self, contacts: &[(Arc<str>, Contact)]) {
+        for (id, contact) in contacts {
+            if let Some(collider) = self.state.colliders.get_mut(id) {
+                let resting = contact.resting || self.settled;
+                collider.contact = Contact { resting, ..*contact };
+            }
+        }
+    }
+
+    /// Answers everybody who waited for this frame.
+    fn answer(&mut self, orders: Orders, outcome: WorkOutcome, stamp: Stamp, stored: Duration) {
+        for reply in orders.replies {
+            // A failed send means that nobody waits any more, which is theirs to decide.
+            match reply {
+                Reply::Created(answer) | Reply::Done(answer) => {
+                    let position = self.log.receipt();
+                    answer.give(Ok(Receipted { answer: (), position }));
+                }
+                Reply::Change { told, edit, once, answer } => {
+                    let set = matches!(told, Told::AirTemperature | Told::Settings);
+                    let found = outcome.edits.get(edit).copied().unwrap_or_default();
+                    let applied = self.applied(told, found, stamp);
+                    self.tell_of(&applied, set, stamp);
+                    if let Some(once) = once {
+                        self.log.answered(Done::applied(&once, &applied, stored));
+                    }
+                    let position = self.log.receipt();
+                    answer.give(Ok(Receipted { answer: applied, position }));
+                }
+            }
+        }
+        for answer in orders.tallies {
+            let grid = &self.session.spec.grid;
+            answer.give(Ok(self.state.ledger.view(stamp, outcome.mass, grid)));
+        }
+        for ((_, answer), cells) in orders.samples.into_iter().zip(outcome.samples) {
+            answer.give(Ok(Sampled { stamp, cells }));
+        }
+        let mut gathered = outcome.gathered.into_iter();
+        for (wanted, answer) in orders.gathers {
+            let tiles = gathered.by_ref().take(wanted.len()).collect();
+            answer.give(Ok(Gathered { stamp, material: self.state.material, tiles }));
+        }
+        let all = Arc::new(gathered.collect::<Vec<_>>());
+        if orders.checkpoint {
+            let snapshot = self.snapshot(stamp, all.clone());
+            let versions = self.session.mirror().versions().to_vec();
+            self.log.taken = Some(Box::new(Taken { snapshot, seq: stamp.seq, versions }));
+        }
+        for answer in orders.snapshots {
+            answer.give(Ok(self.snapshot(stamp, all.clone())));
+        }
+    }
+
+    /// Tells streams of a change, where it is one of the weather or, as `set`, of the settings.
+    fn tell_of(&self, applied: &Applied, set: bool, stamp: Stamp) {
+        match *applied {
+            Applied::Snowfall(SnowfallReply { fallen_mass, refused_mass, .. }) => {
+                self.tell(Event::Snowfall { stamp, fallen_mass, refused_mass });
+            }
+            Applied::Clearing(ClearingReply { cleared_mass, .. }) => {
+                self.tell(Event::Clearing { stamp, cleared_mass });
+            }
+            _ if set => self.tell(Event::Settings { stamp, settings: self.state.settings }),
+            _ => {}
+        }
+    }
+
+    /// What is answered to a change, of whose last edit the device `found` something.
+    fn applied(&self, told: Told, found: u64, stamp: Stamp) -> Applied {
+        let grid = &self.session.spec.grid;
+        match told {
+            Told::Snowfall { fallen, refused } => Applied::Snowfall(SnowfallReply {
+                stamp,
+                fallen_mass: grid.kilograms(fallen),
+                refused_mass: grid.kilograms(refused + u128::from(found)),
+            }),
+            Told::Clearing => Applied::Clearing(ClearingReply {
+                stamp,
+                cleared_mass: grid.kilograms(found.into()),
+            }),
+            Told::AirTemperature => Applied::AirTemperature(AirTemperatureReply {
+                stamp,
+                celsius: self.state.settings.air_temperature,
+            }),
+            Told::Collider { id, created } => {
+                let mirror = self.session.mirror();
+                let place = mirror.colliders.binary_search_by(|view| (*view.id).cmp(&id));
+                match place {
+                    Ok(i) => {
+                        let collider = mirror.colliders[i].clone();
+                        Applied::Collider { reply: ColliderReply { stamp, collider }, created }
+                    }
+                    // Removed again before the frame: there is nothing left to describe.
+                    Err(_) => Applied::Stamp(stamp),
+                }
+            }
+            Told::Settings | Told::Stamp => Applied::Stamp(stamp),
+        }
+    }
+
+    fn tell(&self, event: Event) {
+        // Fails where nobody listens.
+        let _ = self.session.events.send(event);
+    }
+}
+
+impl Outlet {
+    /// Makes the mirror what it was when something was saved, where no device does that.
+    pub(crate) fn show_saved(&self, saved: &Snapshot) {
+        let state = saved.description.state();
+        let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        for (tile, cells) in (0..).zip(saved.tiles.iter()) {
+            let height = |column| cells.column(column).map(|cell| cell.thickness).sum();
+            let columns: Vec<u32> = (0..TILE_COLUMNS).map(height).collect();
+            if let Ok(heights) = columns.try_into() {
+                mirror.recall(tile, &heights);
+            }
+        }
+        mirror.colliders = collider_views(&state, self.ground.0);
+        mirror.colliders_version = mirror.seq;
+        mirror.clock = state.clock;
+        mirror.settled = saved.description.settled && state.settings.snowfall_rate == 0.0;
+        mirror.mass_quanta = state.ledger.present();
+        mirror.settings = state.settings;
+        mirror.material = state.material;
+    }
+}
+
+fn collider_views(state: &SessionState, lowest_ground: f64) -> Arc<[ColliderView]> {
+    let views = state.colliders.iter();
+    views.map(|(id, collider)| view(id, collider, &state.grid, lowest_ground)).collect()
+}
+
+fn view(id: &str, collider: &Collider, grid: &Grid, lowest_ground: f64) -> ColliderView {
+    let contact = &collider.contact;
+    let metres = |units: f64| units * grid.cell_size * 2.0 / f64::from(CELL);
+    ColliderView {
+        id: id.to_owned(),
+        mass: collider.mass,
+        shape: collider.shape,
+        position: collider.position,
+        bottom: lowest_ground + metres(f64::from(contact.bottom)),
+        sink_depth: metres(f64::from(contact.reference) - f64::from(contact.bottom)),
+        contact_area: f64::from(contact.area),
+        pressure: f64::from(contact.pressure),
+        resting: contact.resting,
+    }
+}

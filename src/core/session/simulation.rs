@@ -1,0 +1,268 @@
+//! One session on the world's thread: what it is, what it has to do in the next frame, and what
+//! came of it.
+
+use std::sync::Arc;
+
+use firn_engine::frame::{Edit, Layout, Slot};
+use firn_protocol::SessionSpec;
+
+use crate::core::object_rows::ObjectRows;
+use crate::core::record::{Log, Replay};
+use crate::core::session::answer::Answer;
+use crate::core::session::charge::Charge;
+use crate::core::session::command::Command;
+use crate::core::session::error::SessionError;
+use crate::core::session::orders::{Flight, Orders, Reply};
+use crate::core::session::outlet::Outlet;
+use crate::core::session::portion::Portions;
+use crate::core::session::receipt::Receipted;
+use crate::core::session::state::SessionState;
+use crate::core::session::step::StepJob;
+use crate::core::snapshot::Snapshot;
+
+/// A session on the world's thread.
+#[derive(Debug)]
+pub struct Simulation {
+    pub(crate) session: Arc<Outlet>,
+    pub(crate) slot: Slot,
+    /// Place among all simulations.
+    pub(crate) place: usize,
+    pub(crate) state: SessionState,
+    /// Frame up to which ticks have been counted, and ticks counted but not taken yet.
+    pub(crate) frame: u64,
+    pub(crate) owed: u64,
+    /// What they take in the device's tables.
+    pub(crate) object_rows: ObjectRows,
+    /// The last executed cycle changed no cell, and nothing was disturbed since.
+    pub(crate) settled: bool,
+    /// As `settled`, and no later cycle can change a cell either.
+    pub(crate) still: bool,
+    /// Cycle length of the last run: tiles that rested at one length may move at another.
+    pub(crate) last_dt: Option<f64>,
+    /// Something has happened that the mirror doesn't show.
+    pub(crate) unpublished: bool,
+    /// A publication was due while it waited for a frame.
+    pub(crate) missed: bool,
+    /// What the next frame has to do.
+    pub(crate) next: Orders,
+    /// What the run under way does.
+    pub(crate) flight: Flight,
+    /// How runs are parted into frames.
+    pub(crate) portions: Portions,
+    /// Device time that it has taken.
+    pub(crate) charge: Charge,
+    pub(crate) step: Option<StepJob>,
+    /// What is still to be handed to the journal.
+    pub(crate) log: Log,
+    /// What it has to go through again before anything else.
+    pub(crate) replay: Option<Replay>,
+    /// The newest frame has put off its ticks, so that whoever waits is answered first.
+    pub(crate) answered_first: bool,
+    /// Time stands still: it is about to hibernate.
+    pub(crate) frozen: bool,
+    /// The mirror shows a state that was published before the session was brought back.
+    pub(crate) brought_back: bool,
+}
+
+impl Simulation {
+    /// A new session without snow.
+    pub(crate) fn new(
+        session: Arc<Outlet>,
+        slot: Slot,
+        frame: u64,
+        log: Log,
+        object_rows: ObjectRows,
+    ) -> Simulation {
+        let spec = &session.spec;
+        Simulation {
+            slot,
+            place: 0,
+            state: SessionState::new(spec),
+            frame,
+            owed: 0,
+            object_rows,
+            settled: spec.initial_snow.is_empty(),
+            still: false,
+            last_dt: None,
+            unpublished: true,
+            missed: false,
+            next: Orders::default(),
+            flight: Flight::default(),
+            portions: Portions::default(),
+            charge: Charge::default(),
+            step: None,
+            log,
+            replay: None,
+            answered_first: false,
+            frozen: false,
+            brought_back: false,
+            session: session.clone(),
+        }
+    }
+
+    /// Frames that it has waited for, because others had taken less device time.
+    pub fn waits(&self) -> u64 {
+        self.charge.waits
+    }
+
+    /// Lays the initial snow, or restores what was saved.
+    pub(crate) fn begin(&mut self, saved: Option<&Snapshot>) {
+        if let Some(snapshot) = saved {
+            self.restore(snapshot);
+            // What was due when it was saved is due before the next tick.
+            self.deposit_falling();
+            return;
+        }
+        let session = self.session.clone();
+        for layer in &session.spec.initial_snow {
+            let density = layer.density.unwrap_or(self.state.material.fresh_density);
+            let celsius = layer.temperature.unwrap_or(self.state.settings.air_temperature) as f32;
+            let (columns, (depth, mass)) =
+                (self.state.grid.all(), self.state.quanta(layer.depth, density));
+            self.carry_out(&Command::Deposit { columns, depth, mass, celsius });
+        }
+    }
+
+    /// Notes that something may move again in so many tiles.
+    pub(crate) fn disturb(&mut self, tiles: u64) {
+        self.settled = false;
+        self.still = false;
+        self.portions.disturb(tiles);
+    }
+
+    /// Notes that every tile has to be looked at again.
+    pub(crate) fn wake(&mut self) {
+        self.still = false;
+        self.next.wake = true;
+        self.portions.disturb(self.session.spec.grid.tiles().into());
+    }
+
+    /// Back to the state it was created in. Seqs go on.
+    pub(crate) fn reset(&mut self, saved: Option<&Snapshot>, answer: Answer<Receipted<()>>) {
+        self.log.record(self.state.clock.tick(), Command::Reset);
+        self.begin_anew(saved);
+        self.next.replies.push(Reply::Done(answer));
+    }
+
+    pub(crate) fn begin_anew(&mut self, saved: Option<&Snapshot>) {
+        let session = self.session.clone();
+        let spec: &SessionSpec = &session.spec;
+        self.last_dt = None;
+        self.owed = 0;
+        self.next.reset = true;
+        // What came before in this frame is of a ledger that is gone.
+        self.next.counted.clear();
+        self.object_rows.take(0);
+        let before = std::mem::replace(&mut self.state, SessionState::new(spec));
+        let removed = before.colliders.into_keys();
+        self.next.edits.extend(removed.map(|id| Edit::RemoveCollider { id }));
+        self.next.edits.push(Edit::Clear { columns: spec.grid.all(), depth: 0 });
+        self.next.edits.push(Edit::SetMaterial(spec.material));
+        self.wake();
+        self.settled = spec.initial_snow.is_empty();
+        self.begin(saved);
+        self.next.changed = true;
+    }
+
+    /// What the backend makes the snowpack with.
+    pub(crate) fn layout(spec: &SessionSpec) -> Layout {
+        let ground = spec.terrain.as_ref().map(|terrain| {
+            let (lowest, _) = spec.ground_range();
+            let units = |height: f64| (spec.grid.thickness_quanta(height - lowest) >> 1) as u32;
+            terrain.heights.iter().map(|&height| units(height)).collect()
+        });
+        Layout { grid: spec.grid, material: spec.material, ground: ground.unwrap_or_default() }
+    }
+
+    /// Length of the last cycle \[s\]; of the next one where there was none.
+    pub(crate) fn cycle_length(&self) -> f64 {
+        self.last_dt.or(self.state.clock.steady_cycle()).unwrap_or(0.0)
+    }
+
+    /// Whether no snow falls and the last executed cycle changed no cell.
+    pub(crate) fn is_settled(&self) -> bool {
+        self.settled && self.state.settings.snowfall_rate == 0.0
+    }
+
+    /// Whether nothing can move in any later tick, so that ticks pass by themselves.
+    pub(crate) fn is_resting(&self) -> bool {
+        self.state.settings.snowfall_rate == 0.0 && self.is_still()
+    }
+
+    /// Whether nothing can move in any tick until it is disturbed, by snow that falls too.
+    pub(crate) fn is_still(&self) -> bool {
+        let cycle = self.state.clock.steady_cycle();
+        cycle.is_none_or(|dt| self.still && Some(dt) == self.last_dt)
+    }
+
+    /// Whether its ticks pass by themselves: nothing moves, and its time goes on.
+    pub(crate) fn passes(&self) -> bool {
+        !self.state.settings.paused && !self.frozen && self.is_resting()
+    }
+
+    /// Whether nobody has wanted it for so long that it hibernates.
+    pub(crate) fn is_tired(&self) -> bool {
+        let idle = self.session.idle_for();
+        self.state.settings.idle_timeout_s.is_some_and(|timeout| idle >= timeout)
+    }
+
+    /// Whether the session wants to be in the coming frames.
+    pub(crate) fn wants_frames(&self) -> bool {
+        self.replay.is_some()
+            || self.has_orders()
+            || (!self.frozen
+                && (self.unpublished || (!self.state.settings.paused && !self.is_resting())))
+    }
+
+    /// Whether somebody waits for a frame.
+    pub(crate) fn has_orders(&self) -> bool {
+        self.portions.are_under_way()
+            || self.step.is_some()
+            || self.owed > 0
+            || self.next.are_urgent()
+    }
+
+    /// Deposits the continuous snowfall, once there is enough of it.
+    pub(crate) fn deposit_falling(&mut self) {
+        let (tick, snowing) = (self.state.clock.tick(), self.state.snowing());
+        if let Some((depth, mass)) = self.state.falling.take(tick, snowing) {
+            let celsius = self.state.settings.air_temperature as f32;
+            let columns = self.state.grid.all();
+            self.carry_out(&Command::Deposit { columns, depth, mass, celsius });
+        }
+    }
+
+    /// Has the coming frame show what has come of a replay. No time has passed until then.
+    pub(crate) fn show(&mut self, frame: u64) {
+        self.frame = frame;
+        self.unpublished = true;
+        self.missed = true;
+    }
+
+    /// Lets time go on after it stood still, and has that published.
+    pub(crate) fn thaw(&mut self, frame: u64) {
+        self.frozen = false;
+        self.frame = frame;
+        self.unpublished = true;
+    }
+
+    /// Tick that it should have reached when it is brought back in a frame to what is stored: what
+    /// has passed by itself is not lost.
+    pub(crate) fn until(&mut self, frame: u64) -> u64 {
+        self.catch_up(frame);
+        match self.flight.clock_before {
+            _ if self.state.settings.paused => 0,
+            Some(before) if self.portions.are_under_way() => before.tick(),
+            _ => self.state.clock.tick(),
+        }
+    }
+
+    /// Tells everybody who waits for this session why there is no answer.
+    pub(crate) fn refuse_all(self, why: &SessionError) {
+        self.next.refuse(why);
+        self.flight.orders.refuse(why);
+        if let Some(job) = self.step {
+            job.answer.refuse(why);
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! The host's half of a snowpack: all but its cells.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use firn_protocol::{SessionSpec, Settings};
+use firn_snow::{Contact, Grid, Material, Position, Shape};
+
+use crate::core::session::clock::Clock;
+use crate::core::session::falling::{Falling, Snowing};
+use crate::core::session::gather::Ledger;
+use crate::core::session::reach::Reach;
+
+/// The host's half of a snowpack: all but its cells. Changes are decided and applied here, without a device.
+#[derive(Clone, Debug)]
+pub(crate) struct SessionState {
+    pub grid: Grid,
+    pub clock: Clock,
+    pub settings: Settings,
+    pub material: Material,
+    pub colliders: BTreeMap<Arc<str>, Collider>,
+    pub ledger: Ledger,
+    pub falling: Falling,
+}
+
+/// An object on the snow.
+#[derive(Clone, Debug)]
+pub(crate) struct Collider {
+    pub mass: f64,
+    pub shape: Shape,
+    pub position: Position,
+    /// As last published.
+    pub contact: Contact,
+    /// How far it reaches.
+    pub reach: Reach,
+}
+
+impl SessionState {
+    /// As a session begins, without snow.
+    pub fn new(spec: &SessionSpec) -> SessionState {
+        SessionState {
+            grid: spec.grid,
+            clock: Clock::new(spec.tick_rate, spec.time_scale),
+            settings: spec.settings(),
+            material: spec.material,
+            colliders: BTreeMap::new(),
+            ledger: Ledger::default(),
+            falling: Falling::default(),
+        }
+    }
+
+    /// What falls in a tick.
+    pub fn snowing(&self) -> Snowing {
+        let rate = self.settings.snowfall_rate;
+        Snowing::new(rate, self.material.fresh_density, self.clock.dt(), &self.grid)
+    }
+}
+
+impl Collider {
+    /// An object that has not touched the snow yet.
+    pub fn new(mass: f64, shape: Shape, position: Position, grid: &Grid) -> Collider {
+        let reach = Reach::new(&shape, grid);
+        Collider { mass, shape, position, contact: Contact::default(), reach }
+    }
+}

@@ -1,0 +1,251 @@
+//! A frame from one session's point of view: the ticks it takes, the work it has, and what came of
+//! them.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use firn_engine::frame::{Run, Work};
+
+use crate::core::session::clock::Advance;
+use crate::core::session::orders::{Flight, Orders, Reply};
+use crate::core::session::simulation::Simulation;
+use crate::core::session::step::Goal;
+
+/// Cycles that are taken at once where they change nothing, and none of them is carried out.
+const CYCLES_AT_REST: u32 = 1 << 24;
+
+/// Cycles that are taken at once where they are due, although they may have to be parted: between two ticks
+/// a session is published.
+const CYCLES_THAT_ARE_DUE: u32 = 8;
+
+/// A frame, as it is offered to every session.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turn<'a> {
+    /// Number of the beat.
+    pub frame: u64,
+    /// Number of the frame of the device.
+    pub round: u64,
+    /// Whether publications are due that nobody asked for.
+    pub publish: bool,
+    /// Whether a snowpack at rest may be left alone.
+    pub sleep: bool,
+    /// Time by which ticks have slipped \[µs\].
+    pub slipped_us: &'a AtomicU64,
+}
+
+impl Simulation {
+    /// Lets the time up to a frame pass, where nothing happens in it: a pause has no ticks, and in
+    /// the ticks of a session at rest nothing moves.
+    pub(crate) fn catch_up(&mut self, frame: u64) {
+        if self.portions.are_under_way() || self.replay.is_some() {
+            return;
+        }
+        if self.state.settings.paused || self.frozen {
+            self.frame = frame;
+        } else if self.passes() {
+            self.state.clock.pass(self.state.clock.ticks_between(self.frame, frame));
+            self.frame = frame;
+        }
+    }
+
+    /// What this session does in a frame; `None` for nothing.
+    pub(crate) fn plan(&mut self, turn: Turn) -> Option<Work> {
+        self.flight.round = turn.round;
+        if self.portions.are_under_way() {
+            debug_assert!(self.next.edits.is_empty(), "changes wait for the end of the run");
+            self.slip(turn.frame, turn.slipped_us);
+            let publish = turn.publish || std::mem::take(&mut self.missed);
+            self.flight.publish |= publish && self.replay.is_none();
+            return self.portions.go_on(self.flight.publish);
+        }
+        let clock_before = self.state.clock;
+        let mut advance = self.take_ticks(turn);
+        if advance.run.cycles > 0 {
+            if self.last_dt != Some(advance.run.dt) {
+                self.wake();
+                self.last_dt = Some(advance.run.dt);
+            }
+            if self.still && turn.sleep {
+                advance.run = Run::default();
+            }
+        }
+        let run = advance.run;
+        self.unpublished |= advance.ticks > 0 || self.has_orders();
+        let mut orders = std::mem::take(&mut self.next);
+        let publish = match &self.replay {
+            Some(replay) => replay.publishes(),
+            None => orders.want_answers() || (self.is_to_publish(turn) && self.unpublished),
+        };
+        self.missed &= !publish;
+        if !publish && run.cycles == 0 && orders.edits.is_empty() {
+            self.next.wake |= orders.wake;
+            self.next.changed |= orders.changed;
+            self.advance_goal(advance.ticks);
+            self.deposit_falling();
+            return None;
+        }
+        let work = Work {
+            slot: self.slot,
+            edits: std::mem::take(&mut orders.edits),
+            wake: orders.wake,
+            run,
+            publish,
+            tally: !orders.tallies.is_empty(),
+            samples: orders.samples.iter().map(|(wanted, _)| *wanted).collect(),
+            gather: self.gather(&orders),
+            ..Work::default()
+        };
+        let (round, clock_before) = (turn.round, Some(clock_before));
+        self.flight = Flight { orders, advance, clock_before, publish, round };
+        Some(self.portions.begin(work, self.units_of_cycle(), &self.session.spec.grid))
+    }
+
+    /// Cells of the fixed grid that it wants of a frame.
+    pub(crate) fn sampled_cells(&self) -> u64 {
+        let orders = if self.portions.are_under_way() { &self.flight.orders } else { &self.next };
+        orders.sampled_cells()
+    }
+
+    /// Whether it has something to do in a frame.
+    pub(crate) fn claims(&self, turn: Turn) -> bool {
+        let stands_still =
+            self.state.settings.paused || self.frozen || (turn.sleep && self.is_still());
+        let ticks = !stands_still && self.state.clock.ticks_between(self.frame, turn.frame) > 0;
+        ticks || self.has_orders() || (self.unpublished && self.is_to_publish(turn))
+    }
+
+    /// Waits for another frame than this. Ticks of no more than the beat before don't pile up meanwhile.
+    pub(crate) fn wait(&mut self, turn: Turn) {
+        self.charge.waits += 1;
+        self.missed |= turn.publish;
+        if self.frame + 1 < turn.frame {
+            self.slip(turn.frame - 1, turn.slipped_us);
+        }
+    }
+
+    /// Whether publications are due that nobody asked for, since one has been missed too.
+    fn is_to_publish(&self, turn: Turn) -> bool {
+        turn.publish || self.missed
+    }
+
+    /// Units that one of its cycles costs.
+    fn units_of_cycle(&self) -> u64 {
+        let objects = self.state.colliders.values().map(|collider| &collider.reach);
+        self.portions.cycle(&self.session.spec.grid, objects)
+    }
+
+    /// Lets the ticks up to a frame slip while those before them are under way: they don't pile up.
+    fn slip(&mut self, frame: u64, slipped_us: &AtomicU64) {
+        if self.step.is_none()
+            && self.replay.is_none()
+            && !self.state.settings.paused
+            && !self.frozen
+        {
+            let ticks = self.state.clock.ticks_between(self.frame, frame);
+            let lag_us = ticks as f64 * 1e6 / self.state.clock.tick_rate();
+            slipped_us.fetch_add(lag_us as u64, Ordering::Relaxed);
+        }
+        self.frame = frame;
+    }
+
+    /// Tiles that are wanted: those of each request, and all of them for snapshots.
+    fn gather(&self, orders: &Orders) -> Vec<u32> {
+        let wanted = orders.checkpoint || !orders.snapshots.is_empty();
+        let all = if wanted { self.session.spec.grid.tiles() } else { 0 };
+        orders.gathers.iter().flat_map(|(tiles, _)| tiles.iter().copied()).chain(0..all).collect()
+    }
+
+    /// Takes the ticks that a frame has for this session: none where a checkpoint is made of it, so
+    /// that the frame doesn't take longer for that.
+    fn take_ticks(&mut self, turn: Turn) -> Advance {
+        let counts = self.step.is_none() && self.replay.is_none();
+        let due = if let Some(replay) = &self.replay {
+            replay.due(self.state.clock.tick())
+        } else if let Some(job) = &self.step {
+            job.remaining()
+        } else if self.state.settings.paused || self.frozen {
+            0
+        } else if self.owed > 0 {
+            self.slip(turn.frame, turn.slipped_us);
+            self.owed
+        } else {
+            self.state.clock.ticks_between(self.frame, turn.frame)
+        };
+        self.frame = turn.frame;
+        let snow =
+            self.state.falling.ticks_until_due(self.state.clock.tick(), self.state.snowing());
+        let taken = if self.next.checkpoint { 0 } else { due.min(snow.unwrap_or(u64::MAX)) };
+        let passes = turn.sleep && self.is_still();
+        let units = self.units_of_cycle();
+        let fitting = self.portions.cycles(units);
+        let cycles = match counts {
+            _ if passes => CYCLES_AT_REST,
+            true => fitting.max(CYCLES_THAT_ARE_DUE),
+            false => fitting,
+        };
+        let before = self.state.clock;
+        let mut advance = self.state.clock.advance(taken, cycles);
+        // Whatever falls at a tick is in its snapshot: that is not made in the frame of the tick.
+        let units = units.saturating_mul(advance.run.cycles.into());
+        let parted = !passes && self.portions.part(units);
+        let apart = parted || (advance.ticks > 0 && !self.next.snapshots.is_empty());
+        self.answered_first = apart && !self.answered_first && self.answers_without_ticks();
+        if self.answered_first {
+            (self.state.clock, advance) = (before, Advance::default());
+        }
+        self.owed = if counts { due - advance.ticks } else { 0 };
+        advance
+    }
+
+    /// Takes in that it took some time of a frame, and fits to that what the next one takes on.
+    pub(crate) fn charge(&mut self, units: u64, took: Duration) {
+        self.portions.fit(units, took);
+        self.charge.add(took, self.frame);
+        self.session.charge(took);
+    }
+
+    /// Whether there is somebody to be answered in a frame without ticks.
+    fn answers_without_ticks(&self) -> bool {
+        self.next.are_awaited() && self.replay.is_none()
+    }
+
+    /// Takes in what a run found: whether the snow has settled, and since when.
+    pub(crate) fn conclude_run(&mut self, last_change: u32) {
+        let flight = &self.flight;
+        if flight.advance.run.cycles == 0 {
+            self.advance_goal(flight.advance.ticks);
+            return;
+        }
+        let settled_after = flight.advance.settled_after(last_change);
+        self.settled = settled_after.is_some();
+        self.still = self.settled;
+        let mut ticks = flight.advance.ticks;
+        let waits = self.step.as_ref().is_some_and(|job| matches!(job.goal, Goal::Settled(_)));
+        if let (true, true, Some(reached), Some(mut clock)) =
+            (waits, self.is_settled(), settled_after, flight.clock_before)
+        {
+            // The state has been the same since: only the clock has gone on.
+            clock.advance(reached, u32::MAX);
+            self.state.clock = clock;
+            ticks = reached;
+        }
+        self.advance_goal(ticks);
+    }
+
+    fn advance_goal(&mut self, ticks: u64) {
+        let (settled, paused) = (self.is_settled(), self.state.settings.paused);
+        if let Some(job) = &mut self.step {
+            job.took(ticks);
+            if job.is_over(settled, paused) {
+                self.end_step();
+            }
+        }
+    }
+
+    /// Ends a step; its answer goes out with the next frame.
+    pub(crate) fn end_step(&mut self) {
+        if let Some(job) = self.step.take() {
+            self.next.replies.push(Reply::Done(job.answer));
+        }
+    }
+}

@@ -1,0 +1,226 @@
+//! What drives the [core](crate::core): a thread with the clock, the channel, the device and the journal. It
+//! tells the core what has happened, and carries out what it wants done.
+//!
+//! Requests reach it through a bounded channel, each with a channel for its answer. It works in
+//! frames: it takes in what has arrived, submits one frame for all sessions that have something to
+//! do, waits for its outcome, publishes and answers. Ticks fall on a beat of 60 frames a second;
+//! frames between beats carry out requests at once.
+
+mod begin;
+mod durability;
+mod manual;
+mod pace;
+mod thread;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use firn_engine::frame::{Backend, EngineError};
+use firn_engine::parallel::Executor;
+use tokio::sync::mpsc;
+use tracing::warn;
+
+use crate::core::record::Stored;
+use crate::core::vitals::Vitals;
+use crate::core::world::Setup;
+use crate::core::{Input, Now, World};
+use crate::journal::{Assembled, Journal, Workers, assemble, migrate};
+use crate::machine;
+use crate::session::Names;
+use crate::session::once::Answered;
+use crate::session::registry::{DECODED_AT_ONCE, Sessions};
+use crate::store::{Damage, Format, Loaded};
+
+use begin::{ages, bring_back, fingerprint};
+use pace::Pace;
+use thread::Thread;
+
+pub use crate::core::{Fault, WorldConfig};
+pub use durability::{Durability, OpenBackend, StartError};
+pub use manual::{ManualJournal, ManualWorld};
+
+/// Requests that may wait for the next frame before senders have to: no session has so many.
+const INBOX: usize = 1 << 16;
+
+/// The running world. Dropping it leaves the thread running; [`Driver::stop`] ends it.
+#[derive(Debug)]
+pub struct Driver {
+    inbox: mpsc::Sender<Input>,
+    thread: JoinHandle<()>,
+}
+
+/// Time in which a world that is stopped without further notice writes its checkpoints.
+const STOP_TIME: Duration = Duration::from_secs(10);
+
+impl Driver {
+    /// Starts the world's thread on a backend. Nothing outlives it, nor the backend.
+    ///
+    /// # Errors
+    /// Where the operating system refuses a thread.
+    pub fn start(
+        backend: Box<dyn Backend + Send>,
+        config: WorldConfig,
+    ) -> std::io::Result<(Sessions, Driver)> {
+        let gone = || EngineError::DeviceFailed("there is no other device".to_owned());
+        let mut only = Some(backend);
+        let open: OpenBackend = Box::new(move || only.take().ok_or_else(gone));
+        Driver::open(open, config, Durability::ephemeral()).map_err(|error| match error {
+            StartError::Thread(error) => error,
+            other => std::io::Error::other(other),
+        })
+    }
+
+    /// Starts the world's thread on the backend that `open` opens, which it is called for again
+    /// where the device is lost. Sessions that are stored come back in the background:
+    /// [`Vitals::is_recovered`] says when.
+    ///
+    /// # Errors
+    /// Where the device can't be opened, or what is stored can't be read.
+    pub fn open(
+        open: OpenBackend,
+        config: WorldConfig,
+        durability: Durability,
+    ) -> Result<(Sessions, Driver), StartError> {
+        let (sessions, mut world, workers) = Driver::prepare(open, config, durability)?;
+        world.journal.start(workers)?;
+        let inbox = sessions.world.clone();
+        let thread =
+            std::thread::Builder::new().name("world".to_owned()).spawn(move || world.run())?;
+        Ok((sessions, Driver { inbox, thread }))
+    }
+
+    /// Everything but the threads.
+    ///
+    /// # Errors
+    /// As [`Driver::open`].
+    fn prepare(
+        mut open: OpenBackend,
+        config: WorldConfig,
+        mut durability: Durability,
+    ) -> Result<(Sessions, Thread, Workers), StartError> {
+        let backend = open()?;
+        let loaded = durability.store.load()?;
+        let Loaded { rows, next_key, clock, format, damage } = loaded;
+        let (rows, mut broken) = match format {
+            Format::First => migrate(rows),
+            Format::Present => (rows, Vec::new()),
+        };
+        // Whatever is in the file is not to be written into.
+        let replacement = (format == Format::First || damage.is_some()).then(|| rows.clone());
+        let Assembled { sessions: stored, broken: parted, heartbeat } = assemble(rows);
+        broken.extend(parted);
+        let frame = heartbeat.frame;
+        let lost = tell_of_damage(damage.as_ref(), &broken, &stored, durability.accept_loss)?;
+        if let Some(rows) = replacement {
+            durability.store.take_over(&rows)?;
+        }
+        let (send, inbox) = mpsc::channel(INBOX);
+        let names = Arc::new(Names::default());
+        let frames = Arc::new(AtomicU64::new(frame));
+        let vitals = Arc::new(Vitals::new(backend.device().clone(), backend.memory()));
+        vitals.recovered.store(stored.is_empty(), Ordering::Relaxed);
+        vitals.store.lost(lost);
+        if damage.is_some() {
+            vitals.store.damaged();
+        }
+        let answered = Arc::new(Answered::by(clock.clone()));
+        let sessions = Sessions::new(
+            names.clone(),
+            send.clone(),
+            vitals.clone(),
+            frames.clone(),
+            answered.clone(),
+            config.limits,
+            backend.maker(),
+        );
+        sessions.keys.store(next_key, Ordering::Relaxed);
+        let adapter = fingerprint(backend.device());
+        let (records, coming) = bring_back(&sessions, stored, heartbeat, adapter);
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_time()
+            .max_blocking_threads(DECODED_AT_ONCE)
+            .build()?;
+        let (mailbox, ages) = (send.downgrade(), ages(&records));
+        let (journal, workers) = Journal::new(
+            durability.store,
+            answered.clone(),
+            vitals.store.clone(),
+            mailbox.clone(),
+            ages,
+        );
+        let world = World::new(Setup {
+            now: Now { instant: machine::now(), stored: clock.now() },
+            executor: Executor::Threads,
+            config,
+            checkpoint_interval: durability.checkpoint_interval,
+            durable: journal.durable,
+            names,
+            vitals: vitals.clone(),
+            frames,
+            answered,
+            adapter,
+            heartbeat,
+            coming,
+            records,
+        });
+        let thread = Thread {
+            world,
+            backend,
+            open,
+            inbox,
+            mailbox,
+            runtime,
+            journal,
+            journal_died: false,
+            clock,
+            vitals,
+            pace: Pace::default(),
+            next_beat: machine::now(),
+            inputs: VecDeque::new(),
+            effects: VecDeque::new(),
+            outcome: None,
+            end: None,
+        };
+        Ok((sessions, thread, workers))
+    }
+
+    /// Ends the thread after the frame under way, and writes what is left to be written.
+    pub fn stop(self) {
+        self.stop_by(machine::now() + STOP_TIME);
+    }
+
+    /// As [`Driver::stop`], beginning no checkpoint after a deadline: what they would hold is in
+    /// the journal too, and the next start takes longer.
+    pub fn stop_by(self, deadline: Instant) {
+        // It may have ended by itself.
+        let _ = self.inbox.blocking_send(Input::Stop(deadline));
+        let _ = self.thread.join();
+    }
+}
+
+/// Tells of what is lost. Returns how many sessions are.
+///
+/// # Errors
+/// [`StartError::Lost`] where that is everything, and is not accepted.
+fn tell_of_damage(
+    damage: Option<&Damage>,
+    broken: &[String],
+    stored: &BTreeMap<u64, Stored>,
+    accepted: bool,
+) -> Result<usize, StartError> {
+    for what in broken {
+        warn!("can't be brought back: {what}");
+    }
+    let Some(Damage { what, missing }) = damage else { return Ok(broken.len()) };
+    for key in missing {
+        warn!("can't be brought back: a session of which nothing was found (key {key})");
+    }
+    if stored.is_empty() && !accepted {
+        return Err(StartError::Lost(what.clone()));
+    }
+    warn!("the store: {what}; its newest changes may be missing");
+    Ok(broken.len() + missing.len())
+}

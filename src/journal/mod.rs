@@ -1,0 +1,17 @@
+//! What makes changes last: rows of them in a store, and a thread that commits those.
+//!
+//! The core hands over what came of each frame; it never waits for a disk. All that has been
+//! handed over while one batch was written goes into the next. The store itself is read only
+//! once, at the start.
+
+mod assemble;
+mod check;
+mod handle;
+mod migrate;
+mod rows;
+mod writer;
+
+pub(crate) use assemble::{Assembled, assemble};
+pub use check::{StoreReport, StoredSession, check_store};
+pub(crate) use handle::{Journal, Workers};
+pub(crate) use migrate::migrate;
