@@ -277,4 +277,26 @@ mod tests {
         answered.forget(&[1; 32]);
         assert_eq!(answered.answer(Some(&once())), None);
     }
+
+    /// What stands on disk is read by later versions.
+    #[test]
+    fn what_is_stored_keeps_its_form() {
+        let stamp = r#"{"tick":3,"seq":9}"#;
+        let collider = r#"{"tick":3,"seq":9,"id":"a","mass":80.0,"shape":{"type":"disk","radius":0.3},"position":{"x":1.0,"z":0.7},"bottom":0.5,"sink_depth":0.25,"contact_area":0.125,"pressure":100.0,"resting":true}"#;
+        let numbers = |byte: u8| serde_json::to_string(&[byte; 32]).unwrap();
+        let sealed = format!(r#"{{"salt":{},"bytes":[1,2]}}"#, numbers(5));
+        for result in [
+            r#"{"snowfall":{"tick":3,"seq":9,"fallen_mass":1.5,"refused_mass":0.0}}"#.to_owned(),
+            r#"{"clearing":{"tick":3,"seq":9,"cleared_mass":1.5}}"#.to_owned(),
+            format!(r#"{{"collider":{{"reply":{collider},"created":true}}}}"#),
+            format!(r#"{{"stamp":{stamp}}}"#),
+            format!(r#"{{"created":{{"id":"a","tokens":{sealed}}}}}"#),
+        ] {
+            let (key, request) = (numbers(1), numbers(2));
+            let text =
+                format!(r#"{{"key":{key},"request":{request},"at_ms":1000,"result":{result}}}"#);
+            let done: Done = serde_json::from_str(&text).unwrap();
+            assert_eq!(serde_json::to_string(&done).unwrap(), text);
+        }
+    }
 }
