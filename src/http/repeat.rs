@@ -25,15 +25,6 @@ pub const KEY: HeaderName = HeaderName::from_static("idempotency-key");
 /// Tells an answer that was sent before.
 pub const REPLAYED: HeaderName = HeaderName::from_static("idempotent-replayed");
 
-/// The calls that take a key: POSTs that add or clear something.
-pub const CALLS: [&str; 5] = [
-    "/v1/sessions",
-    "/v1/sessions/{id}/snowfalls",
-    "/v1/sessions/{id}/clearings",
-    "/v1/sessions/{id}/colliders",
-    "/v1/sessions/{id}/colliders:batch",
-];
-
 /// Longest key \[bytes\].
 const LONGEST_KEY: usize = 255;
 
@@ -48,7 +39,7 @@ impl<S: Sync> FromRequestParts<S> for Keyed {
     }
 }
 
-/// Answers a request that was answered before as it was then; carries out all others.
+/// Answers a POST that was answered before as it was then; carries out all others.
 ///
 /// # Errors
 /// 422 where the key can't be used, or was used for another request; 429 where too many answers are
@@ -59,10 +50,11 @@ pub async fn answer_once(
     request: Request,
     next: Next,
 ) -> Result<Response, Problem> {
-    let takes_key = request.method() == Method::POST && CALLS.contains(&path.as_str());
-    let Some(given) = given_key(request.headers())?.filter(|_| takes_key) else {
-        return Ok(next.run(request).await);
+    let given = match *request.method() {
+        Method::POST => given_key(request.headers())?,
+        _ => None,
     };
+    let Some(given) = given else { return Ok(next.run(request).await) };
     // Another session may get the name later: its requests are others.
     let owner = match request.extensions().get::<Arc<Session>>() {
         Some(session) => session.sid.to_string(),
