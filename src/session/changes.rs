@@ -5,7 +5,7 @@ use super::apply::Disturbed;
 use super::change::{Applied, Change};
 use super::command::{Command, Decision};
 use super::error::SessionError;
-use super::once::Once;
+use super::keyed::Once;
 use super::orders::Reply;
 use super::receipt::Receipted;
 use super::simulation::Simulation;

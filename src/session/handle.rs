@@ -18,10 +18,10 @@ use super::answer::WaitingRoom;
 use super::clock::Clock;
 use super::error::SessionError;
 use super::journal::{Epochs, Identity, Weight};
+use super::keyed::KeyedRequests;
 use super::memory::Companion;
 use super::message::Message;
 use super::mirror::Mirror;
-use super::once::Answered;
 use super::publish::Publication;
 use super::receipt::Receipts;
 use super::registry::Sessions;
@@ -82,7 +82,7 @@ pub struct Session {
     pub(super) device_ns: AtomicU64,
     /// Frames so far, of all sessions.
     pub(super) frames: Arc<AtomicU64>,
-    pub(super) answered: Arc<Answered>,
+    pub(super) keyed: Arc<KeyedRequests>,
     /// Memory that the journal holds of it.
     pub(super) journal_weight: Weight,
     companion: OnceLock<Arc<dyn Companion>>,
@@ -160,7 +160,7 @@ impl Session {
             finding: Arc::new(Semaphore::new(1)),
             world: sessions.world.clone(),
             frames: sessions.frames.clone(),
-            answered: sessions.answered.clone(),
+            keyed: sessions.keyed.clone(),
             journal_weight: weight,
             companion: OnceLock::new(),
             spec,

@@ -12,7 +12,7 @@ use super::answer::Answer;
 use super::change::{Applied, Change};
 use super::error::SessionError;
 use super::gather::{Gathered, MOST_SAMPLES, Sampled};
-use super::once::Once;
+use super::keyed::Once;
 use super::orders::MOST_CHANGES;
 use super::receipt::Receipted;
 use super::simulation::Simulation;

@@ -10,7 +10,7 @@ use super::answer::{Answer, Place};
 use super::error::SessionError;
 use super::handle::Session;
 use super::inbox::Request;
-use super::once::Done;
+use super::keyed::Done;
 use super::receipt::Receipted;
 use super::snapshot::Snapshot;
 use super::token::TokenHashes;

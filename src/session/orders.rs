@@ -10,7 +10,7 @@ use super::change::Applied;
 use super::clock::{Advance, Clock};
 use super::error::SessionError;
 use super::gather::{Gathered, Sampled};
-use super::once::Once;
+use super::keyed::Once;
 use super::receipt::Receipted;
 use super::snapshot::Snapshot;
 

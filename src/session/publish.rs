@@ -13,8 +13,8 @@ use super::change::Applied;
 use super::gather::{Gathered, Sampled};
 use super::handle::Session;
 use super::journal::Taken;
+use super::keyed::Done;
 use super::mirror::Mirror;
-use super::once::Done;
 use super::orders::{Counted, Orders, Reply, Told};
 use super::receipt::Receipted;
 use super::simulation::Simulation;
@@ -173,7 +173,7 @@ impl Simulation {
                     let applied = self.applied(told, found, stamp);
                     self.tell_of(&applied, set, stamp);
                     if let Some(once) = once {
-                        let now = self.session.answered.now();
+                        let now = self.session.keyed.now();
                         self.log.answered(Done::applied(&once, &applied, now));
                     }
                     let position = self.log.receipt();

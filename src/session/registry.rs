@@ -11,10 +11,9 @@ use tokio::sync::{Semaphore, mpsc};
 
 use super::error::{Check, SessionError};
 use super::handle::Session;
-use super::idempotency::RequestKey;
+use super::keyed::{Done, DoneResult, KeyedRequests, Once};
 use super::message::{self, Control, Message};
 use super::names::{Names, Place};
-use super::once::{Answered, Done, DoneResult, Once};
 use super::receipt::Receipted;
 use super::requests::blocking;
 use super::simulation::Simulation;
@@ -53,8 +52,8 @@ pub struct Sessions {
     closed: Arc<AtomicBool>,
     /// Snapshots that may still be decoded at the same time.
     pub(super) decoding: Arc<Semaphore>,
-    /// Requests that are not carried out again.
-    pub(super) answered: Arc<Answered>,
+    /// Requests that are carried out once.
+    pub(super) keyed: Arc<KeyedRequests>,
     /// Makes snowpacks, which the world takes in.
     pub(super) maker: Maker,
 }
@@ -65,7 +64,7 @@ impl Sessions {
         world: mpsc::Sender<Message>,
         vitals: Arc<Vitals>,
         frames: Arc<AtomicU64>,
-        answered: Arc<Answered>,
+        keyed: Arc<KeyedRequests>,
         limits: Limits,
         maker: Maker,
     ) -> Sessions {
@@ -82,7 +81,7 @@ impl Sessions {
             keys,
             closed,
             decoding,
-            answered,
+            keyed,
             maker,
         }
     }
@@ -165,9 +164,9 @@ impl Sessions {
         self.make(place, snapshot.spec().clone(), Some((bytes, Box::new(snapshot))), once).await
     }
 
-    /// What a request says that was carried out lately.
-    pub fn asked_before(&self, key: &RequestKey) -> Option<[u8; 32]> {
-        self.answered.find(key).map(|done| done.request)
+    /// Requests that are carried out once.
+    pub fn keyed(&self) -> &Arc<KeyedRequests> {
+        &self.keyed
     }
 
     /// The session that a request made when it was carried out, if it was.
@@ -176,7 +175,7 @@ impl Sessions {
         once: Option<&Once>,
     ) -> Option<Result<(Arc<Session>, Tokens), SessionError>> {
         let once = once?;
-        let done = self.answered.find(&once.key)?;
+        let done = self.keyed.find(&once.key)?;
         let DoneResult::Created { id, tokens } = &done.result else { return None };
         let tokens = tokens.open(&once.secret).ok_or_else(|| {
             SessionError::Conflict(format!(
@@ -204,7 +203,7 @@ impl Sessions {
     ) -> Result<(Arc<Session>, Tokens), SessionError> {
         let no_random = |e| SessionError::Internal(format!("no random numbers for tokens: {e}"));
         let tokens = Tokens::generate().map_err(no_random)?;
-        let now = self.answered.now();
+        let now = self.keyed.now();
         let done = once.map(|once| Done::created(&once, &place.id, &tokens, now));
         let done = done.transpose().map_err(no_random)?.map(Arc::new);
         let (origin, saved) = saved.unzip();

@@ -14,8 +14,8 @@ use super::error::{Invalid, SessionError};
 use super::gather::{self, Sampled};
 use super::handle::Session;
 use super::inbox::Request;
+use super::keyed::Once;
 use super::message::{self, Control, Message};
-use super::once::Once;
 use super::receipt::Receipted;
 use super::simulation::Simulation;
 use super::snapshot::Snapshot;
@@ -42,7 +42,8 @@ impl Session {
     ) -> Result<Applied, SessionError> {
         let change = named(change);
         let bytes = change.bytes();
-        match self.answered.answer(once.as_ref()) {
+        let made = once.as_ref().and_then(|once| self.keyed.find(&once.key)?.answer());
+        match made {
             Some(applied) => Ok(applied),
             None => {
                 self.check_unlocked()?;

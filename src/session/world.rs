@@ -38,15 +38,15 @@ use crate::machine;
 use crate::store::{Damage, Format, Loaded};
 
 use super::journal::{self, Assembled, Journal, Stored, Workers};
+use super::keyed::KeyedRequests;
 use super::message::Message;
 use super::names::Names;
-use super::once::Answered;
 use super::pace::Pace;
 use super::registry::{DECODED_AT_ONCE, Sessions};
 use super::spec::Limits;
 use super::vitals::Vitals;
 use backoff::Backoff;
-use begin::{Beginning, ages, bring_back, fingerprint};
+use begin::{Beginning, bring_back, fingerprint};
 use deadlines::Deadlines;
 use engine::Engine;
 use simulations::Simulations;
@@ -158,13 +158,13 @@ impl World {
         if damage.is_some() {
             vitals.store.damaged();
         }
-        let answered = Arc::new(Answered::by(store_clock));
+        let keyed = Arc::new(KeyedRequests::by(store_clock));
         let sessions = Sessions::new(
             names.clone(),
             send.clone(),
             vitals.clone(),
             frames.clone(),
-            answered.clone(),
+            keyed.clone(),
             config.limits,
             backend.maker(),
         );
@@ -177,9 +177,8 @@ impl World {
             .enable_time()
             .max_blocking_threads(DECODED_AT_ONCE)
             .build()?;
-        let (nudge, ages) = (send.downgrade(), ages(&records));
-        let (journal, workers) =
-            Journal::new(durability.store, answered.clone(), vitals.store.clone(), nudge, ages);
+        let (store, nudge) = (vitals.store.clone(), send.downgrade());
+        let (journal, workers) = Journal::new(durability.store, keyed.clone(), store, nudge);
         // Where nothing was stored nobody was ever told anything.
         let new = coming.is_empty();
         let beginning = if new { Beginning::OnDisk } else { Beginning::Unwritten };
@@ -211,7 +210,7 @@ impl World {
             began: machine::now(),
             records,
             storage: Storage::default(),
-            answered,
+            keyed,
             slots: Slots::default(),
             object_rows: Arc::default(),
             journal,

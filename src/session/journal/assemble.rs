@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::de::DeserializeOwned;
 
-use crate::session::once::Done;
+use crate::session::keyed::Done;
 use crate::store::{Content, Kind, Row};
 
 use super::record::Stored;
@@ -106,7 +106,7 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
     }
     let done = all(Kind::Answer).filter_map(|content| parse::<Done>(&content.bytes));
     let mut done: Vec<Arc<Done>> = done.map(Arc::new).collect();
-    done.sort_by_key(|done| done.at_ms);
+    done.sort_by_key(|done| done.at());
     let done = VecDeque::from(done);
     Ok(Stored {
         identity: Arc::new(identity),

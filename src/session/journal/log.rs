@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use crate::machine;
 use crate::session::command::Command;
 use crate::session::handle::Session;
-use crate::session::once::Done;
+use crate::session::keyed::Done;
 use crate::session::simulation::Simulation;
 use crate::session::snapshot::Snapshot;
 

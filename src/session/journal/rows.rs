@@ -35,9 +35,7 @@ pub(super) fn write(session: u64, parts: &[Part], writes: &mut Vec<Write>) {
                 writes.push(Write::Put(row(Kind::Checkpoint, 0), checkpoint.encode()));
                 writes.push(Write::RemoveEntries { session, before });
             }
-            Part::Done(done) => {
-                writes.push(Write::Put(row(Kind::Answer, done.number()), json(&**done)));
-            }
+            Part::Done(done) => writes.push(Write::Put(done.row(session), json(&**done))),
             Part::Lock(lock) => writes.push(Lock::write(*lock, session)),
             Part::Delete => writes.push(Write::RemoveSession(session)),
         }

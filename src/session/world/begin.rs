@@ -12,7 +12,6 @@ use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::journal::{Anchor, Exact, Heartbeat, Part, Record, Stored};
 use crate::session::message::Message;
-use crate::session::once::Done;
 use crate::session::registry::Sessions;
 
 use super::back::Coming;
@@ -128,18 +127,9 @@ pub(super) fn bring_back(
         let versions = stored.checkpoint.as_ref().map(|saved| &saved.versions[..]);
         session.go_on_from(stored.epochs.first_seq(), versions);
         stored.weigh();
+        sessions.keyed.bring_back(key, &stored.done);
         records.insert(key, Record::of(stored.clone(), session.receipts.clone()));
         coming.insert(key, Coming::at_start(Arc::new(session), stored, first));
     }
     (records, coming)
-}
-
-/// Requests that carried a key, of all sessions, the oldest first.
-pub(super) fn ages(records: &BTreeMap<u64, Record>) -> Vec<(u64, Arc<Done>)> {
-    let done = |(&key, record): (&u64, &Record)| {
-        record.stored.done.iter().map(|done| (key, done.clone())).collect::<Vec<_>>()
-    };
-    let mut ages: Vec<(u64, Arc<Done>)> = records.iter().flat_map(done).collect();
-    ages.sort_by_key(|(_, done)| (done.at_ms, done.key));
-    ages
 }

@@ -16,9 +16,9 @@ use crate::session::error::SessionError;
 use crate::session::handle::Session;
 use crate::session::inbox::Inbox;
 use crate::session::journal::{Journal, Record};
+use crate::session::keyed::KeyedRequests;
 use crate::session::message::Message;
 use crate::session::names::Names;
-use crate::session::once::Answered;
 use crate::session::pace::Pace;
 use crate::session::simulation::Simulation;
 use crate::session::vitals::{FrameTime, Vitals};
@@ -83,7 +83,7 @@ pub(super) struct Engine {
     /// What sessions come back from.
     pub(super) records: BTreeMap<u64, Record>,
     pub(super) storage: Storage,
-    pub(super) answered: Arc<Answered>,
+    pub(super) keyed: Arc<KeyedRequests>,
     pub(super) slots: Slots,
     /// What the objects of all sessions take in the device's tables.
     pub(super) object_rows: Arc<AtomicU64>,

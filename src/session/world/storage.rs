@@ -152,11 +152,9 @@ impl Engine {
 
     /// What is on its way of a session up to a position is durable.
     fn confirm(&mut self, key: u64, position: u64) {
-        let answered = self.answered.clone();
+        let now = self.keyed.now();
         let Some(record) = self.records.get_mut(&key) else { return };
-        for Pending { life, parts, replies, .. } in
-            record.confirm(position, |done| answered.is_over(done))
-        {
+        for Pending { life, parts, replies, .. } in record.confirm(position, now) {
             for part in &*parts {
                 match part {
                     Part::Checkpoint(_) => self.checkpointed(key, life, true),

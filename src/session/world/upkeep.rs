@@ -267,7 +267,7 @@ impl Engine {
     /// Takes a session out of the world that is no longer stored.
     pub(super) fn deleted(&mut self, key: u64) {
         if let Some(record) = self.records.remove(&key) {
-            record.stored.done.iter().for_each(|done| self.answered.forget(&done.key));
+            record.stored.done.iter().for_each(|done| self.keyed.forget(&done.key));
             record.receipts().end(&gone());
         }
         let coming = self.give_up_coming(key, &gone());

@@ -1,9 +1,5 @@
-//! Requests that carry a key of their client's are carried out once, whatever happens to the
-//! server meanwhile: what came of one is made durable together with what it changed.
+//! What was done for a request that carries a key. It is stored together with what it changed.
 
-use std::collections::HashMap;
-use std::fmt;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use firn_protocol::{ClearingReply, ColliderReply, SnowfallReply, Stamp};
@@ -11,49 +7,31 @@ use ring::aead::{Aad, CHACHA20_POLY1305, LessSafeKey, Nonce, UnboundKey};
 use serde::{Deserialize, Serialize};
 
 use crate::machine;
-use crate::store::StoreClock;
+use crate::session::change::Applied;
+use crate::session::token::Tokens;
+use crate::store::{Kind, Row};
 
-use super::change::Applied;
-use super::idempotency::{Idempotency, RequestKey};
-use super::token::Tokens;
+use super::{Hash, Once, is_over};
 
 /// What tokens are sealed for: keys for other purposes are others.
 const PURPOSE: &str = "firn 2026 tokens in the answer to a request that is sent again";
 
-/// A request that carries a key.
-#[derive(Clone)]
-pub struct Once {
-    /// Names it.
-    pub key: RequestKey,
-    /// Hash of all that it says.
-    pub request: [u8; 32],
-    /// Hash of what only its client knows: the key and the token it was sent with. It is never
-    /// written down.
-    pub secret: [u8; 32],
-}
-
-impl fmt::Debug for Once {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Once(…)")
-    }
-}
-
-/// What came of a request that carried a key.
+/// What was done for a request.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Done {
-    pub key: RequestKey,
-    pub request: [u8; 32],
+pub(in crate::session) struct Done {
+    pub key: Hash,
+    pub request: Hash,
     /// When it was done, by the store's clock \[ms\]. Earlier versions noted the wall clock's time in
     /// another field: those requests are as old as the store's clock is.
     #[serde(default)]
-    pub at_ms: u64,
+    at_ms: u64,
     pub result: DoneResult,
 }
 
 /// The answer, or what it can be made of again.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum DoneResult {
+pub(in crate::session) enum DoneResult {
     Snowfall(SnowfallReply),
     Clearing(ClearingReply),
     Collider { reply: ColliderReply, created: bool },
@@ -73,7 +51,7 @@ impl Done {
             Applied::AirTemperature(reply) => DoneResult::Stamp(reply.stamp),
             Applied::Stamp(stamp) => DoneResult::Stamp(*stamp),
         };
-        Done { key: once.key, request: once.request, at_ms: milliseconds(at), result }
+        Done::new(once, result, at)
     }
 
     /// A session that was created.
@@ -87,23 +65,32 @@ impl Done {
         at: Duration,
     ) -> Result<Done, getrandom::Error> {
         let tokens = Sealed::seal(&once.secret, tokens)?;
-        let result = DoneResult::Created { id: id.to_owned(), tokens };
-        Ok(Done { key: once.key, request: once.request, at_ms: milliseconds(at), result })
+        Ok(Done::new(once, DoneResult::Created { id: id.to_owned(), tokens }, at))
     }
 
-    /// Number of the row that holds it.
-    pub fn number(&self) -> u64 {
+    fn new(once: &Once, result: DoneResult, at: Duration) -> Done {
+        let at_ms = u64::try_from(at.as_millis()).unwrap_or(u64::MAX);
+        Done { key: once.key, request: once.request, at_ms, result }
+    }
+
+    /// The row that holds it, in the session of a key.
+    pub fn row(&self, session: u64) -> Row {
         let (first, _) = self.key.split_first_chunk().expect("32 bytes");
-        u64::from_be_bytes(*first)
+        Row { session, kind: Kind::Answer, number: u64::from_be_bytes(*first) }
+    }
+
+    /// When it was done, by the store's clock.
+    pub fn at(&self) -> Duration {
+        Duration::from_millis(self.at_ms)
     }
 
     /// Whether nobody may ask for it any more at some time.
-    fn is_old(&self, now: Duration) -> bool {
-        now.saturating_sub(Duration::from_millis(self.at_ms)) >= Idempotency::LIFETIME
+    pub fn is_over(&self, now: Duration) -> bool {
+        is_over(self.at(), now)
     }
 
     /// The answer to the change that it was.
-    fn answer(&self) -> Option<Applied> {
+    pub fn answer(&self) -> Option<Applied> {
         Some(match &self.result {
             DoneResult::Snowfall(reply) => Applied::Snowfall(*reply),
             DoneResult::Clearing(reply) => Applied::Clearing(*reply),
@@ -116,13 +103,9 @@ impl Done {
     }
 }
 
-fn milliseconds(time: Duration) -> u64 {
-    u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
-}
-
 /// Tokens that only somebody with the request's secret can read.
-#[derive(Serialize, Deserialize)]
-pub(super) struct Sealed {
+#[derive(Debug, Serialize, Deserialize)]
+pub(in crate::session) struct Sealed {
     salt: [u8; 32],
     bytes: Vec<u8>,
 }
@@ -147,12 +130,6 @@ impl Sealed {
     }
 }
 
-impl fmt::Debug for Sealed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Sealed(…)")
-    }
-}
-
 /// The salt makes every key one of its own, which is used once.
 fn cipher(secret: &[u8; 32], salt: &[u8; 32]) -> LessSafeKey {
     let key = blake3::Hasher::new_derive_key(PURPOSE).update(secret).update(salt).finalize();
@@ -164,63 +141,11 @@ fn nonce() -> Nonce {
     Nonce::assume_unique_for_key([0; 12])
 }
 
-/// What came of the requests that carried a key lately, by the store's clock.
-#[derive(Debug, Default)]
-pub(super) struct Answered {
-    clock: StoreClock,
-    done: Mutex<HashMap<RequestKey, Arc<Done>>>,
-}
-
-impl Answered {
-    /// Nothing yet.
-    pub fn by(clock: StoreClock) -> Answered {
-        Answered { clock, done: Mutex::default() }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, HashMap<RequestKey, Arc<Done>>> {
-        self.done.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Goes on from the newest request that is stored, where the clock is behind it: nothing that is
-    /// newer by the clock would be forgotten before it.
-    pub fn go_on_from(&self, newest: &Done) {
-        self.clock.begin_no_earlier_than(Duration::from_millis(newest.at_ms));
-    }
-
-    /// The time that requests are done at.
-    pub fn now(&self) -> Duration {
-        self.clock.now()
-    }
-
-    /// Whether nobody may ask for what came of a request any more.
-    pub fn is_over(&self, done: &Done) -> bool {
-        done.is_old(self.now())
-    }
-
-    /// Notes what came of a request, once that is durable.
-    pub fn note(&self, done: Arc<Done>) {
-        self.lock().insert(done.key, done);
-    }
-
-    /// Forgets a request.
-    pub fn forget(&self, key: &RequestKey) {
-        self.lock().remove(key);
-    }
-
-    /// What came of a request, if it has been made.
-    pub fn find(&self, key: &RequestKey) -> Option<Arc<Done>> {
-        self.lock().get(key).filter(|done| !self.is_over(done)).cloned()
-    }
-
-    /// The answer to a change, if it has been made.
-    pub fn answer(&self, once: Option<&Once>) -> Option<Applied> {
-        self.find(&once?.key)?.answer()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::keyed::KeyedRequests;
+    use crate::store::StoreClock;
 
     const AT: Duration = Duration::from_secs(1000);
 
@@ -253,15 +178,15 @@ mod tests {
         let stamp = Applied::Stamp(Stamp { tick: 3, seq: 9 });
         let done = Done::applied(&once(), &stamp, AT);
         let second = Duration::from_secs(1);
-        assert!(!done.is_old(AT + Idempotency::LIFETIME - second));
-        assert!(done.is_old(AT + Idempotency::LIFETIME));
-        assert!(!done.is_old(AT - second), "a backup's clock may be behind");
+        assert!(!done.is_over(AT + KeyedRequests::LIFETIME - second));
+        assert!(done.is_over(AT + KeyedRequests::LIFETIME));
+        assert!(!done.is_over(AT - second), "a backup's clock may be behind");
         // One of an earlier version counts from the store's beginning.
         let mut text = serde_json::to_value(&done).unwrap();
         text.as_object_mut().unwrap().remove("at_ms");
         text["at"] = 1_790_000_000_u64.into();
         let old: Done = serde_json::from_value(text).unwrap();
-        assert!(!old.is_old(Duration::ZERO) && old.is_old(Idempotency::LIFETIME));
+        assert!(!old.is_over(Duration::ZERO) && old.is_over(KeyedRequests::LIFETIME));
     }
 
     #[test]
@@ -270,12 +195,11 @@ mod tests {
         let reply = SnowfallReply { stamp, fallen_mass: 0.1 + 0.2, refused_mass: 1e-9 };
         let applied = Applied::Snowfall(reply);
         let text = serde_json::to_string(&Done::applied(&once(), &applied, AT)).unwrap();
-        let answered = Answered::default();
-        answered.note(serde_json::from_str::<Done>(&text).unwrap().into());
-        assert_eq!(answered.answer(Some(&once())), Some(applied));
-        assert_eq!(answered.answer(None), None);
-        answered.forget(&[1; 32]);
-        assert_eq!(answered.answer(Some(&once())), None);
+        let keyed = KeyedRequests::by(StoreClock::default());
+        keyed.note(7, serde_json::from_str::<Done>(&text).unwrap().into());
+        assert_eq!(keyed.find(&once().key).unwrap().answer(), Some(applied));
+        keyed.forget(&[1; 32]);
+        assert!(keyed.find(&once().key).is_none());
     }
 
     /// What stands on disk is read by later versions.
