@@ -16,7 +16,7 @@ use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::registry::Registry;
 
 use crate::budget::Budget;
-use crate::session::{Idempotency, Sessions};
+use crate::session::Sessions;
 
 pub use gate::{AuthFailure, GateMetrics, Reload};
 pub use limits::LimitMetrics;
@@ -45,18 +45,13 @@ pub struct Metrics {
 impl Metrics {
     /// The metrics of a server that is about to start, with those of its sessions' engine, and of the
     /// memory of bodies and answers.
-    pub fn new(
-        sessions: &Sessions,
-        bodies: &Budget,
-        unsent: &Budget,
-        repeats: &Arc<Idempotency>,
-    ) -> Metrics {
+    pub fn new(sessions: &Sessions, bodies: &Budget, unsent: &Budget) -> Metrics {
         let mut registry = Registry::with_prefix("firn");
         registry.register_collector(Box::new(engine::EngineCollector(sessions.clone())));
         let memory = memory::MemoryCollector {
             bodies: bodies.clone(),
             unsent: unsent.clone(),
-            repeats: repeats.clone(),
+            keyed: sessions.keyed().clone(),
         };
         registry.register_collector(Box::new(memory));
         let gate = GateMetrics::register(&mut registry);

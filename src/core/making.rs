@@ -8,13 +8,13 @@ use tracing::{error, warn};
 
 use crate::core::device::DEVICE_FAILED;
 use crate::core::object_rows::ObjectRows;
+use crate::core::record::Done;
 use crate::core::session::answer::Answer;
 use crate::core::session::error::SessionError;
 use crate::core::session::outlet::Outlet;
 use crate::core::session::receipt::Receipted;
 use crate::core::snapshot::Snapshot;
 use crate::core::{Effect, World};
-use crate::session::once::Done;
 
 /// A session that is to be created.
 pub(crate) struct Creation {

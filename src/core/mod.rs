@@ -35,7 +35,7 @@ use firn_engine::made::Made;
 use crate::store::StoreError;
 
 use reading::{Read, Wanted};
-use record::{Append, Checkpoint, Heartbeat, Part, Taken};
+use record::{Append, Checkpoint, Hash, Heartbeat, Part, Taken};
 use session::answer::Answer;
 use session::error::SessionError;
 use session::inbox::Request;
@@ -153,6 +153,8 @@ pub(crate) enum Effect {
     Rewrite { sessions: Vec<(u64, Vec<Part>)>, heartbeat: Heartbeat, heard: u64 },
     /// A checkpoint is made of a snapshot, on another thread.
     Pack(Job),
+    /// What was done for requests of these keys is forgotten: their session is deleted.
+    Forget(Vec<Hash>),
     /// All sessions are back that outlived the last stop: beats begin now.
     Recovered,
     /// Nothing helps any more but another process.

@@ -153,9 +153,7 @@ impl World {
     fn confirm(&mut self, key: u64, position: u64) {
         let stored = self.now.stored;
         let Some(record) = self.records.get_mut(&key) else { return };
-        for Pending { life, parts, replies, .. } in
-            record.confirm(position, |done| done.is_old(stored))
-        {
+        for Pending { life, parts, replies, .. } in record.confirm(position, stored) {
             for part in &*parts {
                 match part {
                     Part::Checkpoint(_) => self.checkpointed(key, life, true),

@@ -262,7 +262,8 @@ impl World {
     /// Takes a session out of the world that is no longer stored.
     pub(crate) fn deleted(&mut self, key: u64) {
         if let Some(record) = self.records.remove(&key) {
-            record.stored.done.iter().for_each(|done| self.answered.forget(&done.key));
+            let keys = record.stored.done.iter().map(|done| done.key).collect();
+            self.effects.push(Effect::Forget(keys));
             record.receipts().end(&gone());
         }
         let coming = self.give_up_coming(key, &gone());

@@ -28,7 +28,6 @@ use crate::core::storage::Storage;
 use crate::core::timers::Deadlines;
 use crate::core::vitals::Vitals;
 use crate::core::{Directory, Effect, Input, Now, WorldConfig};
-use crate::session::once::Answered;
 
 /// All sessions.
 pub(crate) struct World {
@@ -78,7 +77,6 @@ pub(crate) struct World {
     /// What sessions come back from.
     pub(super) records: BTreeMap<u64, Record>,
     pub(super) storage: Storage,
-    pub(super) answered: Arc<Answered>,
     pub(super) slots: Slots,
     /// What the objects of all sessions take in the device's tables.
     pub(super) object_rows: Arc<AtomicU64>,
@@ -105,7 +103,6 @@ pub(crate) struct Setup {
     pub vitals: Arc<Vitals>,
     /// Counts frames, for who reads mirrors.
     pub frames: Arc<AtomicU64>,
-    pub answered: Arc<Answered>,
     /// Fingerprint of what carries frames out.
     pub adapter: u64,
     /// How far the last life had come.
@@ -151,7 +148,6 @@ impl World {
             began: now.instant,
             records,
             storage: Storage::default(),
-            answered: setup.answered,
             slots: Slots::default(),
             object_rows: Arc::default(),
             fallen: Vec::new(),

@@ -1,7 +1,6 @@
 //! The beginning of a life of the server: sessions that outlived the last one are made again.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use firn_engine::frame::DeviceInfo;
 use tracing::{info, warn};
@@ -11,7 +10,6 @@ use crate::core::begin::begin_epoch;
 use crate::core::record::{Heartbeat, Record, Stored};
 use crate::machine;
 use crate::session::handle::Session;
-use crate::session::once::Done;
 use crate::session::registry::Sessions;
 
 /// A number that tells devices apart that may give other snow.
@@ -62,19 +60,10 @@ pub(crate) fn bring_back(
         let versions = stored.checkpoint.as_ref().map(|saved| &saved.versions[..]);
         session.go_on_from(stored.epochs.first_seq(), versions);
         stored.weigh();
+        sessions.keyed.bring_back(key, &stored.done);
         records.insert(key, Record::of(stored.clone(), session.receipts.clone()));
         coming.insert(key, Coming::at_start(session.outlet.clone(), stored, first));
         sessions.names.expect(session);
     }
     (records, coming)
-}
-
-/// Requests that carried a key, of all sessions, the oldest first.
-pub(crate) fn ages(records: &BTreeMap<u64, Record>) -> Vec<(u64, Arc<Done>)> {
-    let done = |(&key, record): (&u64, &Record)| {
-        record.stored.done.iter().map(|done| (key, done.clone())).collect::<Vec<_>>()
-    };
-    let mut ages: Vec<(u64, Arc<Done>)> = records.iter().flat_map(done).collect();
-    ages.sort_by_key(|(_, done)| (done.at_ms, done.key));
-    ages
 }

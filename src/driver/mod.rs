@@ -30,11 +30,11 @@ use crate::core::{Input, Now, World};
 use crate::journal::{Assembled, Journal, Workers, assemble, migrate};
 use crate::machine;
 use crate::session::Names;
-use crate::session::once::Answered;
+use crate::session::keyed::KeyedRequests;
 use crate::session::registry::{DECODED_AT_ONCE, Sessions};
 use crate::store::{Damage, Format, Loaded};
 
-use begin::{ages, bring_back, fingerprint};
+use begin::{bring_back, fingerprint};
 use pace::Pace;
 use thread::Thread;
 
@@ -126,13 +126,13 @@ impl Driver {
         if damage.is_some() {
             vitals.store.damaged();
         }
-        let answered = Arc::new(Answered::by(clock.clone()));
+        let keyed = Arc::new(KeyedRequests::by(clock.clone()));
         let sessions = Sessions::new(
             names.clone(),
             send.clone(),
             vitals.clone(),
             frames.clone(),
-            answered.clone(),
+            keyed.clone(),
             config.limits,
             backend.maker(),
         );
@@ -143,14 +143,9 @@ impl Driver {
             .enable_time()
             .max_blocking_threads(DECODED_AT_ONCE)
             .build()?;
-        let (mailbox, ages) = (send.downgrade(), ages(&records));
-        let (journal, workers) = Journal::new(
-            durability.store,
-            answered.clone(),
-            vitals.store.clone(),
-            mailbox.clone(),
-            ages,
-        );
+        let mailbox = send.downgrade();
+        let (journal, workers) =
+            Journal::new(durability.store, keyed.clone(), vitals.store.clone(), mailbox.clone());
         let world = World::new(Setup {
             now: Now { instant: machine::now(), stored: clock.now() },
             executor: Executor::Threads,
@@ -160,7 +155,6 @@ impl Driver {
             names,
             vitals: vitals.clone(),
             frames,
-            answered,
             adapter,
             heartbeat,
             coming,
@@ -175,6 +169,7 @@ impl Driver {
             runtime,
             journal,
             journal_died: false,
+            keyed,
             clock,
             vitals,
             pace: Pace::default(),

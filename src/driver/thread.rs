@@ -22,6 +22,7 @@ use crate::driver::OpenBackend;
 use crate::driver::pace::Pace;
 use crate::journal::Journal;
 use crate::machine;
+use crate::session::keyed::KeyedRequests;
 use crate::store::StoreClock;
 
 /// Requests that are taken in before a frame, so that beats are not missed.
@@ -47,6 +48,7 @@ pub(crate) struct Thread {
     pub runtime: tokio::runtime::Runtime,
     pub journal: Journal,
     pub journal_died: bool,
+    pub keyed: Arc<KeyedRequests>,
     pub clock: StoreClock,
     pub vitals: Arc<Vitals>,
     pub pace: Pace,
@@ -213,6 +215,7 @@ impl Thread {
                     self.journal.rewrite(sessions, heartbeat, heard);
                 }
                 Effect::Pack(job) => self.journal.checkpoint(job),
+                Effect::Forget(keys) => keys.iter().for_each(|key| self.keyed.forget(key)),
                 Effect::Recovered => self.next_beat = machine::now(),
                 Effect::GiveUp => {
                     self.vitals.give_up();

@@ -11,7 +11,7 @@ use crate::budget::Budget;
 use crate::config::{RequestConfig, StreamConfig};
 use crate::metrics::Metrics;
 use crate::render::Renderer;
-use crate::session::{Idempotency, Sessions};
+use crate::session::Sessions;
 
 use super::answers::Answers;
 use super::gate::Gate;
@@ -38,8 +38,6 @@ pub struct Shared {
     pub bodies: Budget,
     /// What large answers take.
     pub answers: Answers,
-    /// Answers to requests that may be repeated.
-    pub repeats: Arc<Idempotency>,
     /// Draws pictures.
     pub renderer: Renderer,
     /// Cancelled when the server begins to stop: streams and long steps end then.
@@ -62,16 +60,14 @@ impl App {
         sessions.tenants().set_quotas(&gate.access.keys().quotas());
         let bodies = Budget::new(requests.max_bodies);
         let answers = Answers::new(requests.max_unsent, requests.request_timeout / 2)?;
-        let repeats = Arc::<Idempotency>::default();
         Ok(App(Arc::new(Shared {
-            metrics: Metrics::new(&sessions, &bodies, &answers.unsent, &repeats),
+            metrics: Metrics::new(&sessions, &bodies, &answers.unsent),
             sessions,
             requests,
             stream,
             gate,
             bodies,
             answers,
-            repeats,
             renderer: Renderer::default(),
             draining: CancellationToken::new(),
             streams: TaskTracker::new(),

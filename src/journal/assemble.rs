@@ -6,10 +6,9 @@ use std::sync::Arc;
 use serde::de::DeserializeOwned;
 
 use crate::core::record::{
-    Anchor, Checkpoint, Entry, Epochs, Head, Heartbeat, Identity, Lock, Stored, bytes_of,
+    Anchor, Checkpoint, Done, Entry, Epochs, Head, Heartbeat, Identity, Lock, Stored, bytes_of,
 };
 use crate::journal::rows::HEARTBEAT;
-use crate::session::once::Done;
 use crate::store::{Content, Kind, Row};
 
 /// What rows are put together to.
@@ -105,7 +104,7 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
     }
     let done = all(Kind::Answer).filter_map(|content| parse::<Done>(&content.bytes));
     let mut done: Vec<Arc<Done>> = done.map(Arc::new).collect();
-    done.sort_by_key(|done| done.at_ms);
+    done.sort_by_key(|done| done.at());
     let done = VecDeque::from(done);
     Ok(Stored {
         identity: Arc::new(identity),

@@ -15,7 +15,7 @@ use crate::core::vitals::StoreVitals;
 use crate::core::{Input, Job, Verdict};
 use crate::journal::writer::{Teller, Writer};
 use crate::machine;
-use crate::session::once::{Answered, Done};
+use crate::session::keyed::KeyedRequests;
 use crate::store::Store;
 use crate::threads::{self, Priority};
 
@@ -48,25 +48,19 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    /// A journal, and the workers behind it. `nudge` is woken when there is something to be told; `ages` are
-    /// the requests with a key that are stored, the oldest first.
+    /// A journal, and the workers behind it. `nudge` is woken when there is something to be told.
     pub fn new(
         store: Box<dyn Store>,
-        answered: Arc<Answered>,
+        keyed: Arc<KeyedRequests>,
         vitals: Arc<StoreVitals>,
         nudge: WeakSender<Input>,
-        ages: Vec<(u64, Arc<Done>)>,
     ) -> (Journal, Workers) {
-        if let Some((_, newest)) = ages.last() {
-            answered.go_on_from(newest);
-        }
-        ages.iter().for_each(|(_, done)| answered.note(done.clone()));
         let durable = store.is_durable();
         let (tasks, incoming) = mpsc::channel();
         let (tell, verdicts) = mpsc::channel();
         let (jobs, to_encode) = mpsc::channel();
         let teller = || Teller { tell: tell.clone(), nudge: nudge.clone() };
-        let writer = Writer::new(store, incoming, teller(), answered, vitals, ages);
+        let writer = Writer::new(store, incoming, teller(), keyed, vitals);
         let packer = Packer { jobs: to_encode, teller: teller() };
         let journal = Journal {
             tasks: Some(tasks),

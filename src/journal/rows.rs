@@ -34,9 +34,7 @@ pub(crate) fn write(session: u64, parts: &[Part], writes: &mut Vec<Write>) {
                 writes.push(Write::Put(row(Kind::Checkpoint, 0), checkpoint.encode()));
                 writes.push(Write::RemoveEntries { session, before });
             }
-            Part::Done(done) => {
-                writes.push(Write::Put(row(Kind::Answer, done.number()), json(&**done)));
-            }
+            Part::Done(done) => writes.push(Write::Put(done.row(session), json(&**done))),
             Part::Lock(lock) => writes.push(match lock {
                 Some(lock) => Write::Put(row(Kind::Lock, 0), json(lock)),
                 None => Write::Remove(row(Kind::Lock, 0)),

@@ -4,7 +4,6 @@
 //! Where a commit fails, all of it and all that follows is refused, until the world has written anew what the
 //! store may hold wrongly.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant};
@@ -18,8 +17,8 @@ use crate::core::{Input, Verdict};
 use crate::journal::handle::Task;
 use crate::journal::rows::{beat, write};
 use crate::machine;
-use crate::session::once::{Answered, Done};
-use crate::store::{Kind, Row, Store, StoreError, Write};
+use crate::session::keyed::KeyedRequests;
+use crate::store::{Store, StoreError, Write};
 
 /// Time between two looks at whether the store is where it was.
 const LOOK: Duration = Duration::from_millis(250);
@@ -51,7 +50,7 @@ pub(crate) struct Writer {
     store: Box<dyn Store>,
     incoming: mpsc::Receiver<Task>,
     teller: Teller,
-    answered: Arc<Answered>,
+    keyed: Arc<KeyedRequests>,
     vitals: Arc<StoreVitals>,
     /// Anchors that wait for company.
     waiting: Vec<Append>,
@@ -63,25 +62,22 @@ pub(crate) struct Writer {
     failure: Option<StoreError>,
     /// How often the world was told of that.
     rejections: u64,
-    /// Sessions and requests that carried a key, by age, the oldest first.
-    ages: VecDeque<(u64, Arc<Done>)>,
 }
 
 impl Writer {
-    /// A writer; `ages` are the requests with a key that are stored, the oldest first.
+    /// A writer that has written nothing yet.
     pub fn new(
         store: Box<dyn Store>,
         incoming: mpsc::Receiver<Task>,
         teller: Teller,
-        answered: Arc<Answered>,
+        keyed: Arc<KeyedRequests>,
         vitals: Arc<StoreVitals>,
-        ages: Vec<(u64, Arc<Done>)>,
     ) -> Writer {
         Writer {
             store,
             incoming,
             teller,
-            answered,
+            keyed,
             vitals,
             waiting: Vec::new(),
             heartbeat: None,
@@ -89,7 +85,6 @@ impl Writer {
             last_look: machine::now(),
             failure: None,
             rejections: 0,
-            ages: ages.into(),
         }
     }
 
@@ -173,10 +168,11 @@ impl Writer {
 
     fn write(&mut self, batch: &[Append]) -> Result<(), StoreError> {
         self.last_commit = machine::now();
-        let mut writes = self.forget();
+        let over = self.keyed.forget_old();
         if !self.store.is_durable() {
             return Ok(());
         }
+        let mut writes: Vec<Write> = over.into_iter().map(Write::Remove).collect();
         batch.iter().for_each(|append| write(append.key, &append.parts, &mut writes));
         writes.extend(self.heartbeat.map(beat));
         if writes.is_empty() {
@@ -189,29 +185,13 @@ impl Writer {
         Ok(())
     }
 
-    /// Forgets requests that are too old to be sent again.
-    fn forget(&mut self) -> Vec<Write> {
-        let mut writes = Vec::new();
-        while let Some((session, done)) =
-            self.ages.pop_front_if(|(_, done)| self.answered.is_over(done))
-        {
-            self.answered.forget(&done.key);
-            let row = Row { session, kind: Kind::Answer, number: done.number() };
-            writes.push(Write::Remove(row));
-        }
-        writes
-    }
-
     /// Tells whoever waits, and the world, that a batch is durable.
     fn conclude(&mut self, batch: Vec<Append>) {
         for append in &batch {
             for part in &*append.parts {
                 match part {
                     // Before anybody is told: who asks again then is not carried out.
-                    Part::Done(done) => {
-                        self.answered.note(done.clone());
-                        self.ages.push_back((append.key, done.clone()));
-                    }
+                    Part::Done(done) => self.keyed.note(append.key, done.clone()),
                     Part::Checkpoint(made) => self.vitals.checkpointed(made.snapshot.len()),
                     _ => {}
                 }

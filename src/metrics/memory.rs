@@ -9,14 +9,14 @@ use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Unit;
 
 use crate::budget::Budget;
-use crate::session::Idempotency;
+use crate::session::KeyedRequests;
 
 /// Reads how much there is of each.
 #[derive(Debug)]
 pub(super) struct MemoryCollector {
     pub bodies: Budget,
     pub unsent: Budget,
-    pub repeats: Arc<Idempotency>,
+    pub keyed: Arc<KeyedRequests>,
 }
 
 impl Collector for MemoryCollector {
@@ -30,7 +30,7 @@ impl Collector for MemoryCollector {
         gauge("bodies", help, self.bodies.held())?;
         let help = "Memory of answers and stream messages that clients have not taken yet";
         gauge("unsent", help, self.unsent.held())?;
-        let help = "Memory of answers to requests with a key, kept for repeats";
-        gauge("kept_answers", help, self.repeats.bytes())
+        let help = "Memory of requests with a key, and of their answers, kept for repeats";
+        gauge("kept_answers", help, self.keyed.bytes())
     }
 }

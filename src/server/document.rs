@@ -11,7 +11,6 @@ use utoipa::openapi::schema::{ObjectBuilder, Type};
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{Content, PathItem, Ref, RefOr, Required, Response};
 
-use crate::http::repeat;
 use crate::problem::Problem;
 
 use super::router;
@@ -33,9 +32,6 @@ pub fn document() -> utoipa::openapi::OpenApi {
         } else {
             // Said, rather than left open: these take no token.
             operations(item).for_each(|operation| operation.security = Some(Vec::new()));
-        }
-        if let Some(post) = item.post.as_mut().filter(|_| repeat::CALLS.contains(&path.as_str())) {
-            post.parameters.get_or_insert_default().push(RefOr::T(idempotency_key()));
         }
     }
     let bearer = "An API key, or one of the session's tokens; an open server asks for none.";
@@ -88,6 +84,13 @@ fn guarded(operation: &mut Operation) {
         response.content.insert("application/problem+json".to_owned(), RefOr::T(content));
         response.headers.extend(header.map(|(name, header)| (name.to_owned(), RefOr::T(header))));
         operation.responses.responses.entry(status.to_owned()).or_insert(RefOr::T(response));
+    }
+}
+
+/// Says of every POST that it takes an `Idempotency-Key`.
+pub(super) fn tell_of_keys(document: &mut utoipa::openapi::OpenApi) {
+    for post in document.paths.paths.values_mut().filter_map(|item| item.post.as_mut()) {
+        post.parameters.get_or_insert_default().push(RefOr::T(idempotency_key()));
     }
 }
 

@@ -61,12 +61,14 @@ pub fn routes() -> OpenApiRouter<App> {
 
 /// Routes with a POST that takes an `Idempotency-Key`. They have to answer in time, too.
 fn repeatable_routes() -> OpenApiRouter<App> {
-    OpenApiRouter::default()
+    let mut routes = OpenApiRouter::default()
         .routes(routes!(sessions::create, sessions::list))
         .routes(routes!(snowfalls::create))
         .routes(routes!(clearings::create))
         .routes(routes!(colliders::create, colliders::list))
-        .routes(routes!(colliders::batch))
+        .routes(routes!(colliders::batch));
+    document::tell_of_keys(routes.get_openapi_mut());
+    routes
 }
 
 /// Routes that have to answer within the time limit of requests.

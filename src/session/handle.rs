@@ -10,8 +10,8 @@ use firn_protocol::{SessionSpec, SessionView, State};
 use firn_snow::CELL;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
+use super::keyed::KeyedRequests;
 use super::memory::Companion;
-use super::once::Answered;
 use super::registry::Sessions;
 use crate::core::Input;
 use crate::core::record::{Epochs, Identity, Weight};
@@ -35,7 +35,7 @@ pub struct Session {
     pub(crate) world: mpsc::Sender<Input>,
     /// Steps that it was asked for.
     pub(crate) steps: AtomicU64,
-    pub(crate) answered: Arc<Answered>,
+    pub(crate) keyed: Arc<KeyedRequests>,
     companion: OnceLock<Arc<dyn Companion>>,
 }
 
@@ -95,7 +95,7 @@ impl Session {
             finding: Arc::new(Semaphore::new(1)),
             world: sessions.world.clone(),
             steps: AtomicU64::new(0),
-            answered: sessions.answered.clone(),
+            keyed: sessions.keyed.clone(),
             companion: OnceLock::new(),
         })
     }

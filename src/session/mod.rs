@@ -1,11 +1,10 @@
 //! What the rest of the server sees of sessions: names, handles, requests, views.
 
 pub(crate) mod handle;
-pub(crate) mod idempotency;
+pub(crate) mod keyed;
 mod lock;
 mod memory;
 mod names;
-pub(crate) mod once;
 mod probe;
 pub(crate) mod registry;
 mod requests;
@@ -14,6 +13,7 @@ mod token;
 mod totals;
 mod visit;
 
+pub use crate::core::record::Once;
 pub use crate::core::session::change::{Applied, Change};
 pub use crate::core::session::clock::{Clock, FRAME_RATE};
 pub use crate::core::session::error::{Invalid, SessionError};
@@ -27,10 +27,9 @@ pub use crate::core::snapshot::{MEDIA_TYPE as SNAPSHOT_MEDIA_TYPE, Snapshot};
 pub use crate::core::tenant::{Quotas, Tenant};
 pub use crate::core::vitals::{FrameParts, FrameTime, StageTimes, StoreState, StoreVitals, Vitals};
 pub use handle::Session;
-pub use idempotency::{Answer, Idempotency, NoPlace, Place, RequestKey, Share};
+pub use keyed::{KeyedRequests, NoPlace};
 pub use memory::Companion;
 pub(crate) use names::Names;
-pub use once::Once;
 pub use registry::Sessions;
 pub use tenants::Tenants;
 pub use token::{Tokens, random_secret};

@@ -9,6 +9,7 @@ use firn_protocol::SessionSpec;
 use firn_snow::Grid;
 use tokio::sync::{Semaphore, mpsc};
 
+use crate::core::record::{Done, DoneResult, Once};
 use crate::core::session::error::{Check, SessionError};
 use crate::core::session::receipt::Receipted;
 use crate::core::session::simulation::Simulation;
@@ -17,9 +18,8 @@ use crate::core::snapshot::Snapshot;
 use crate::core::vitals::Vitals;
 use crate::core::{Control, Creation, Directory, Fault, Input};
 use crate::session::handle::Session;
-use crate::session::idempotency::RequestKey;
+use crate::session::keyed::KeyedRequests;
 use crate::session::names::{Names, Place};
-use crate::session::once::{Answered, Done, DoneResult, Once};
 use crate::session::requests::{ask, blocking};
 use crate::session::tenants::Tenants;
 use crate::session::token::Tokens;
@@ -52,8 +52,8 @@ pub struct Sessions {
     closed: Arc<AtomicBool>,
     /// Snapshots that may still be decoded at the same time.
     pub(crate) decoding: Arc<Semaphore>,
-    /// Requests that are not carried out again.
-    pub(crate) answered: Arc<Answered>,
+    /// Requests that are carried out once.
+    pub(crate) keyed: Arc<KeyedRequests>,
     /// Makes snowpacks, which the world takes in.
     pub(crate) maker: Maker,
 }
@@ -64,7 +64,7 @@ impl Sessions {
         world: mpsc::Sender<Input>,
         vitals: Arc<Vitals>,
         frames: Arc<AtomicU64>,
-        answered: Arc<Answered>,
+        keyed: Arc<KeyedRequests>,
         limits: Limits,
         maker: Maker,
     ) -> Sessions {
@@ -81,7 +81,7 @@ impl Sessions {
             keys,
             closed,
             decoding,
-            answered,
+            keyed,
             maker,
         }
     }
@@ -164,9 +164,9 @@ impl Sessions {
         self.make(place, snapshot.spec().clone(), Some((bytes, Box::new(snapshot))), once).await
     }
 
-    /// What a request says that was carried out lately.
-    pub fn asked_before(&self, key: &RequestKey) -> Option<[u8; 32]> {
-        self.answered.find(key).map(|done| done.request)
+    /// Requests that are carried out once.
+    pub fn keyed(&self) -> &Arc<KeyedRequests> {
+        &self.keyed
     }
 
     /// The session that a request made when it was carried out, if it was.
@@ -175,7 +175,7 @@ impl Sessions {
         once: Option<&Once>,
     ) -> Option<Result<(Arc<Session>, Tokens), SessionError>> {
         let once = once?;
-        let done = self.answered.find(&once.key)?;
+        let done = self.keyed.find(&once.key)?;
         let DoneResult::Created { id, tokens } = &done.result else { return None };
         let tokens = tokens.open(&once.secret).ok_or_else(|| {
             SessionError::Conflict(format!(
@@ -203,7 +203,7 @@ impl Sessions {
     ) -> Result<(Arc<Session>, Tokens), SessionError> {
         let no_random = |e| SessionError::Internal(format!("no random numbers for tokens: {e}"));
         let tokens = Tokens::generate().map_err(no_random)?;
-        let now = self.answered.now();
+        let now = self.keyed.now();
         let done = once.map(|once| Done::created(&once, &place.id, &tokens, now));
         let done = done.transpose().map_err(no_random)?.map(Arc::new);
         let (origin, saved) = saved.unzip();

@@ -8,6 +8,7 @@ use firn_snow::ColumnRect;
 use tokio::sync::{mpsc, oneshot};
 
 use crate::core::device::stopped;
+use crate::core::record::Once;
 use crate::core::session::answer::{Answer, Place};
 use crate::core::session::change::{Applied, Change};
 use crate::core::session::error::{Invalid, SessionError};
@@ -20,7 +21,6 @@ use crate::core::snapshot::Snapshot;
 use crate::core::{Control, Input};
 use crate::machine;
 use crate::session::handle::Session;
-use crate::session::once::Once;
 use crate::session::token::Tokens;
 
 impl Session {
@@ -44,7 +44,8 @@ impl Session {
     ) -> Result<Applied, SessionError> {
         let change = named(change);
         let bytes = change.bytes();
-        match self.answered.answer(once.as_ref()) {
+        let made = once.as_ref().and_then(|once| self.keyed.find(&once.key)?.answer());
+        match made {
             Some(applied) => Ok(applied),
             None => {
                 self.check_unlocked()?;

@@ -34,7 +34,7 @@ impl StoreClock {
         )
     }
 
-    fn driven_by(before: Duration, since: Source) -> StoreClock {
+    pub(crate) fn driven_by(before: Duration, since: Source) -> StoreClock {
         StoreClock { before: Arc::new(milliseconds(before).into()), since }
     }
 

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crate::core::record::{Anchor, Append, Entry, Epochs, Exact, Identity, Part, Record, Stored};
+use crate::core::record::{
+    Anchor, Append, Done, Entry, Epochs, Exact, Identity, Part, Record, Stored,
+};
 use crate::core::session::command::Command;
 use crate::core::session::outlet::Outlet;
 use crate::core::session::simulation::Simulation;
 use crate::core::snapshot::Snapshot;
-use crate::session::once::Done;
 
 /// Entries after which a checkpoint is due, however young the last is.
 const LONGEST_JOURNAL: u64 = 8192;

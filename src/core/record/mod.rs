@@ -1,6 +1,7 @@
 //! What sessions come back from: what is durable of them, and what is on its way there.
 
 mod anchor;
+mod done;
 mod entry;
 mod fold;
 mod lock;
@@ -10,6 +11,8 @@ mod stored;
 mod weight;
 
 pub(crate) use anchor::{Anchor, Epochs, Exact, Heartbeat};
+pub use done::Once;
+pub(crate) use done::{Done, DoneResult, Hash, LIFETIME, OVERHEAD, Sealed, is_over};
 pub(crate) use entry::{Checkpoint, Entry, Head, Identity};
 pub(crate) use fold::Fold;
 pub(crate) use lock::Lock;

@@ -2,11 +2,11 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Duration;
 
-use crate::core::record::{Anchor, Checkpoint, Entry, Epochs, Identity, Lock};
+use crate::core::record::{Anchor, Checkpoint, Done, Entry, Epochs, Identity, Lock};
 use crate::core::session::answer::Answer;
 use crate::core::session::receipt::Receipts;
-use crate::session::once::Done;
 
 /// A session as it can be brought back.
 #[derive(Clone, Debug)]
@@ -176,15 +176,16 @@ impl Record {
         self.pending.iter().any(Pending::deletes)
     }
 
-    /// All up to a position is durable. Returns what was on its way until now. Forgets requests that are over.
-    pub fn confirm(&mut self, position: u64, is_over: impl Fn(&Done) -> bool) -> Vec<Pending> {
+    /// All up to a position is durable. Returns what was on its way until now. Forgets requests that are over
+    /// by the store's clock.
+    pub fn confirm(&mut self, position: u64, now: Duration) -> Vec<Pending> {
         let count = self.pending.partition_point(|pending| pending.position <= position);
         let confirmed: Vec<Pending> = self.pending.drain(..count).collect();
         for part in confirmed.iter().flat_map(|pending| &*pending.parts) {
             self.exists |= matches!(part, Part::Create(..));
             self.stored.enter(part);
         }
-        while self.stored.done.pop_front_if(|done| is_over(done)).is_some() {}
+        while self.stored.done.pop_front_if(|done| done.is_over(now)).is_some() {}
         self.stored.weigh();
         confirmed
     }
@@ -346,7 +347,7 @@ mod tests {
         }
         let counts = |stored: &Stored| (stored.base(), stored.entries.len());
         assert_eq!([counts(&record.stored), counts(&record.present())], [(0, 0), (1, 1)]);
-        assert_eq!(record.confirm(2, |_| false).len(), 2);
+        assert_eq!(record.confirm(2, Duration::ZERO).len(), 2);
         assert_eq!([counts(&record.stored), counts(&record.present())], [(0, 2), (1, 1)]);
         let (cut, range) = record.cut();
         assert_eq!((cut.len(), range), (1, None), "nobody has seen a checkpoint");

@@ -8,23 +8,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use firn_protocol::{SessionSpec, SnowLayer};
 
-use crate::core::record::{Checkpoint, Entry, Identity, Stored};
+use crate::core::record::{Checkpoint, Entry, Identity, OVERHEAD, Stored};
 use crate::core::session::command::{Command, ObjectSpec};
-use crate::session::idempotency::RequestKey;
-use crate::session::once::Done;
 
 /// Counters of an `Arc`.
 const SHARED: usize = 2 * size_of::<usize>();
-
-/// What came of a request that carried a key: itself, and places in two queues and a table of which
-/// two thirds are in use on average.
-const DONE: usize = SHARED
-    + size_of::<Done>()
-    + (size_of::<Arc<Done>>()
-        + size_of::<(u64, Arc<Done>)>()
-        + size_of::<(RequestKey, Arc<Done>)>())
-        * 3
-        / 2;
 
 /// Bytes of a session's record. Clones are handles to the same.
 #[derive(Clone, Debug, Default)]
@@ -44,7 +32,7 @@ impl Stored {
         let checkpoint = self.checkpoint.as_ref().map_or(0, |saved| saved.bytes());
         let own = size_of::<Stored>() + self.identity.bytes() + origin + checkpoint;
         let queued = self.entries.capacity() * size_of::<Arc<Entry>>() + self.entry_bytes;
-        let all = own + queued + self.done.len() * DONE;
+        let all = own + queued + self.done.len() * OVERHEAD;
         self.identity.weight.0.store(all as u64, Ordering::Relaxed);
     }
 }

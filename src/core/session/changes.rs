@@ -1,5 +1,6 @@
 //! Changes, taken into the next frame.
 
+use crate::core::record::Once;
 use crate::core::session::answer::Answer;
 use crate::core::session::apply::Disturbed;
 use crate::core::session::change::{Applied, Change};
@@ -8,7 +9,6 @@ use crate::core::session::error::SessionError;
 use crate::core::session::orders::Reply;
 use crate::core::session::receipt::Receipted;
 use crate::core::session::simulation::Simulation;
-use crate::session::once::Once;
 
 impl Simulation {
     /// Takes a change into the next frame, or refuses it whole.

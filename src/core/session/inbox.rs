@@ -8,6 +8,7 @@ use firn_engine::frame::SampleBox;
 use firn_protocol::{MassView, StepSpec};
 use firn_snow::ColumnRect;
 
+use crate::core::record::Once;
 use crate::core::session::answer::Answer;
 use crate::core::session::change::{Applied, Change};
 use crate::core::session::error::SessionError;
@@ -16,7 +17,6 @@ use crate::core::session::orders::MOST_CHANGES;
 use crate::core::session::receipt::Receipted;
 use crate::core::session::simulation::Simulation;
 use crate::core::snapshot::Snapshot;
-use crate::session::once::Once;
 
 /// Something to be run with a simulation.
 pub(crate) type Look = Box<dyn FnOnce(&Simulation) + Send>;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use firn_engine::frame::{Edit, SampleBox};
 use firn_protocol::MassView;
 
+use crate::core::record::Once;
 use crate::core::session::answer::Answer;
 use crate::core::session::change::Applied;
 use crate::core::session::clock::{Advance, Clock};
@@ -12,7 +13,6 @@ use crate::core::session::error::SessionError;
 use crate::core::session::gather::{Gathered, Sampled};
 use crate::core::session::receipt::Receipted;
 use crate::core::snapshot::Snapshot;
-use crate::session::once::Once;
 
 /// Changes of one session in one frame after which others of it wait for the next.
 pub(crate) const MOST_CHANGES: usize = 4096;

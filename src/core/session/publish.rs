@@ -10,7 +10,7 @@ use firn_protocol::{
 };
 use firn_snow::{CELL, Contact, Grid, TILE_COLUMNS};
 
-use crate::core::record::Taken;
+use crate::core::record::{Done, Taken};
 use crate::core::session::change::Applied;
 use crate::core::session::gather::{Gathered, Sampled};
 use crate::core::session::mirror::Mirror;
@@ -20,7 +20,6 @@ use crate::core::session::receipt::Receipted;
 use crate::core::session::simulation::Simulation;
 use crate::core::session::state::{Collider, SessionState};
 use crate::core::snapshot::Snapshot;
-use crate::session::once::Done;
 
 /// Says that a session has published a state.
 #[derive(Clone, Copy, Debug)]
