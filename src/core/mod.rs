@@ -1,5 +1,5 @@
 //! What happens to all sessions, step by step. The core has no thread, clock, channel, disk or chance of its own:
-//! it is told what has happened, and says what it wants done. The [driver](crate::driver) carries that out, and
+//! it is told what has happened, and says what it wants done. The driver carries that out, and
 //! tells what came of it.
 
 mod anchors;
