@@ -51,7 +51,10 @@ pub use error::{Invalid, SessionError};
 pub use gather::{Gathered, MOST_SAMPLES, Sampled};
 pub use handle::Session;
 pub use idempotency::{Answer, Idempotency, NoPlace, Place, RequestKey, Share};
-pub use journal::{StoreReport, StoreState, StoreVitals, StoredSession, check_store};
+pub use journal::{
+    Backup, StoreKeeper, StoreReport, StoreState, StoreVitals, StoredSession, check_store,
+    verify_store,
+};
 pub use memory::Companion;
 pub use mirror::{Mirror, TileColumns};
 pub use once::Once;

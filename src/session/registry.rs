@@ -12,6 +12,7 @@ use tokio::sync::{Semaphore, mpsc};
 use super::error::{Check, SessionError};
 use super::handle::Session;
 use super::idempotency::RequestKey;
+use super::journal::StoreKeeper;
 use super::message::{self, Control, Message};
 use super::names::{Names, Place};
 use super::once::{Answered, Done, DoneResult, Once};
@@ -57,6 +58,8 @@ pub struct Sessions {
     pub(super) answered: Arc<Answered>,
     /// Makes snowpacks, which the world takes in.
     pub(super) maker: Maker,
+    /// What is kept of all of them.
+    pub(super) store: StoreKeeper,
 }
 
 impl Sessions {
@@ -84,6 +87,7 @@ impl Sessions {
             decoding,
             answered,
             maker,
+            store: StoreKeeper::default(),
         }
     }
 
@@ -301,6 +305,11 @@ impl Sessions {
     /// Whom sessions belong to.
     pub fn tenants(&self) -> &Tenants {
         &self.tenants
+    }
+
+    /// What is kept of all of them.
+    pub fn store(&self) -> &StoreKeeper {
+        &self.store
     }
 
     /// The server's limits.

@@ -159,7 +159,7 @@ impl World {
             vitals.store.damaged();
         }
         let answered = Arc::new(Answered::by(store_clock));
-        let sessions = Sessions::new(
+        let mut sessions = Sessions::new(
             names.clone(),
             send.clone(),
             vitals.clone(),
@@ -180,6 +180,7 @@ impl World {
         let (nudge, ages) = (send.downgrade(), ages(&records));
         let (journal, workers) =
             Journal::new(durability.store, answered.clone(), vitals.store.clone(), nudge, ages);
+        sessions.store = journal.keeper();
         // Where nothing was stored nobody was ever told anything.
         let new = coming.is_empty();
         let beginning = if new { Beginning::OnDisk } else { Beginning::Unwritten };

@@ -16,6 +16,7 @@ use crate::session::once::{Answered, Done};
 use crate::store::{Store, StoreError};
 use crate::threads::{self, Priority};
 
+use super::keeper::{Errand, StoreKeeper};
 use super::record::{Append, Part};
 use super::writer::{Teller, Writer};
 use super::{Checkpoint, Heartbeat, StoreVitals, Taken};
@@ -42,6 +43,8 @@ pub(super) enum Task {
         /// Rejections that the world has heard of.
         heard: u64,
     },
+    /// Of an administrator, for the store as a whole.
+    Errand(Errand),
 }
 
 struct Job {
@@ -53,7 +56,7 @@ struct Job {
 
 /// The world's end of the journal.
 pub(crate) struct Journal {
-    tasks: Option<mpsc::Sender<Task>>,
+    tasks: Option<Arc<mpsc::Sender<Task>>>,
     jobs: Option<mpsc::Sender<Job>>,
     verdicts: mpsc::Receiver<Verdict>,
     /// Empty where somebody else has the workers: then nothing tells whether they live.
@@ -89,7 +92,7 @@ impl Journal {
         let writer = Writer::new(store, incoming, teller(), answered, vitals, ages);
         let packer = Packer { jobs: to_encode, teller: teller() };
         let journal = Journal {
-            tasks: Some(tasks),
+            tasks: Some(Arc::new(tasks)),
             jobs: Some(jobs),
             verdicts,
             threads: Vec::new(),
@@ -110,6 +113,11 @@ impl Journal {
         self.threads.push(spawn("store", move || writer.run())?);
         self.threads.push(spawn("checkpoints", move || packer.run())?);
         Ok(())
+    }
+
+    /// What asks the store for what concerns all of it, until the journal stops.
+    pub fn keeper(&self) -> StoreKeeper {
+        StoreKeeper::of(self.tasks.as_ref().filter(|_| self.durable))
     }
 
     /// Adds to what this frame has left.
@@ -255,7 +263,7 @@ impl Packer {
 /// What is told of a change that can't be stored.
 pub(in crate::session) fn unstorable(failure: &StoreError) -> SessionError {
     match failure {
-        StoreError::Failed(why) => SessionError::StorageFailed(format!(
+        StoreError::Failed(why) | StoreError::InUse(why) => SessionError::StorageFailed(format!(
             "the change was not made: it can't be stored ({why}); it can be tried again once the \
              data directory can be written to and has room"
         )),

@@ -123,6 +123,7 @@ impl Writer {
                     }
                     self.rewrite(&sessions, heard);
                 }
+                Task::Errand(errand) => errand.run(&mut *self.store),
             }
         }
         self.look();
