@@ -67,6 +67,34 @@ impl Directory {
         Ok(fs::metadata(self.file())?.len())
     }
 
+    /// Refuses a copy that may fill the disk: then changes would be refused as well.
+    pub fn check_room(&self) -> io::Result<()> {
+        let (needed, free) = (self.length()?, self.free());
+        match free {
+            Some(free) if free < needed => Err(io::Error::new(
+                ErrorKind::StorageFull,
+                format!(
+                    "{free} bytes are free there, and a copy of the store may take {needed}: make room, or \
+                     give unused pages of the store back with `firn store compact`"
+                ),
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// Bytes that are free, where that is known.
+    #[cfg(unix)]
+    fn free(&self) -> Option<u64> {
+        let disk = rustix::fs::statvfs(&self.0).ok()?;
+        Some(disk.f_bavail.saturating_mul(disk.f_frsize))
+    }
+
+    /// Elsewhere it shows when the disk is full.
+    #[cfg(not(unix))]
+    fn free(&self) -> Option<u64> {
+        None
+    }
+
     /// Puts the new file in the place of the store's, so that there is one of them at any moment.
     pub fn replace(&self) -> io::Result<()> {
         fs::rename(self.new_file(), self.file())?;

@@ -23,6 +23,8 @@ pub type Rows = BTreeMap<Row, Content>;
 /// Rows by their names, sealed.
 type Sealed = TableDefinition<'static, &'static [u8], &'static [u8]>;
 
+type Table = ReadOnlyTable<&'static [u8], &'static [u8]>;
+
 /// All that was committed at some moment. As long as there is one, the file keeps what is replaced or removed.
 #[derive(Debug)]
 pub struct Moment {
@@ -109,10 +111,7 @@ impl Moment {
         Ok(())
     }
 
-    fn exists(
-        &self,
-        table: Sealed,
-    ) -> Result<Option<ReadOnlyTable<&'static [u8], &'static [u8]>>, redb::Error> {
+    fn exists(&self, table: Sealed) -> Result<Option<Table>, redb::Error> {
         match self.transaction.open_table(table) {
             Ok(table) => Ok(Some(table)),
             Err(TableError::TableDoesNotExist(_)) => Ok(None),
@@ -209,7 +208,10 @@ impl Moment {
         let path = directory.copy();
         let unusable =
             |error: &dyn std::fmt::Display| failed(format!("{}: {error}", path.display()));
-        directory.remove_copy().map_err(|error| unusable(&error))?;
+        directory
+            .remove_copy()
+            .and_then(|()| directory.check_room())
+            .map_err(|error| unusable(&error))?;
         let file = new_file(&path).map_err(|error| unusable(&error))?;
         let copied = self.copy_into(file).map_err(|error| unusable(&error));
         directory.remove_copy().map_err(|error| unusable(&error))?;
