@@ -177,8 +177,8 @@ impl Moment {
         Ok(())
     }
 
-    /// Looks for rows in the file itself: what the database reads may come from memory. Returns how long the
-    /// file is.
+    /// Looks for rows in the file itself: what the database reads may come from memory. A row that is whole anywhere
+    /// counts, as salvage would find it there. Returns how long the file is.
     fn look_at_file(
         &self,
         format: Format,
