@@ -126,7 +126,7 @@ pub struct RequestConfig {
     pub max_unsent: u64,
 
     /// Longest time for a request's body to arrive, and for its answer to be made after that, as in
-    /// `30s`; stepping a session and streams may take longer.
+    /// `30s`; stepping a session, calls about the store and streams may take longer.
     #[arg(
         long,
         env = "FIRN_REQUEST_TIMEOUT",

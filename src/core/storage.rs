@@ -337,7 +337,7 @@ fn nobody_knows() -> SessionError {
 /// What is told of a change that can't be stored.
 pub(crate) fn unstorable(failure: &StoreError) -> SessionError {
     match failure {
-        StoreError::Failed(why) => SessionError::StorageFailed(format!(
+        StoreError::Failed(why) | StoreError::InUse(why) => SessionError::StorageFailed(format!(
             "the change was not made: it can't be stored ({why}); it can be tried again once the \
              data directory can be written to and has room"
         )),

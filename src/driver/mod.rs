@@ -27,10 +27,10 @@ use crate::core::record::Stored;
 use crate::core::vitals::Vitals;
 use crate::core::world::Setup;
 use crate::core::{Input, Now, World};
+use crate::journal::keyed::KeyedRequests;
 use crate::journal::{Assembled, Journal, Workers, assemble, migrate};
 use crate::machine;
 use crate::session::Names;
-use crate::session::keyed::KeyedRequests;
 use crate::session::registry::{DECODED_AT_ONCE, Sessions};
 use crate::store::{Damage, Format, Loaded};
 
@@ -127,7 +127,7 @@ impl Driver {
             vitals.store.damaged();
         }
         let keyed = Arc::new(KeyedRequests::by(clock.clone()));
-        let sessions = Sessions::new(
+        let mut sessions = Sessions::new(
             names.clone(),
             send.clone(),
             vitals.clone(),
@@ -146,6 +146,7 @@ impl Driver {
         let mailbox = send.downgrade();
         let (journal, workers) =
             Journal::new(durability.store, keyed.clone(), vitals.store.clone(), mailbox.clone());
+        sessions.store = journal.keeper();
         let world = World::new(Setup {
             now: Now { instant: machine::now(), stored: clock.now() },
             executor: Executor::Threads,

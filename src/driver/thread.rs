@@ -21,8 +21,8 @@ use crate::core::{Effect, Fault, Input, Now, World};
 use crate::driver::OpenBackend;
 use crate::driver::pace::Pace;
 use crate::journal::Journal;
+use crate::journal::keyed::KeyedRequests;
 use crate::machine;
-use crate::session::keyed::KeyedRequests;
 use crate::store::StoreClock;
 
 /// Requests that are taken in before a frame, so that beats are not missed.

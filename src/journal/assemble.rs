@@ -119,6 +119,7 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
     })
 }
 
-fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
+/// What a row holds; none where it is something else.
+pub(super) fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
     serde_json::from_slice(bytes).ok()
 }

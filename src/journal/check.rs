@@ -1,11 +1,18 @@
-//! Looking into a store without a server.
+//! Looking into a store, without a server or beside one.
 
-use crate::core::record::{Fold, Stored};
+use std::collections::BTreeMap;
+
+use firn_protocol::VerifyReply;
+
+use crate::core::record::{Fold, Identity, Stored};
 use crate::core::session::error::SessionError;
 use crate::core::session::spec::Limits;
 use crate::core::snapshot::Snapshot;
+use crate::journal::assemble::parse;
 use crate::journal::{Assembled, assemble, migrate};
-use crate::store::{Format, Loaded, Store, StoreError};
+use crate::store::{
+    Content, Damage, Fault, Format, Kind, Loaded, Moment, Row, Store, StoreError, Verified,
+};
 
 /// What a store holds.
 #[derive(Debug)]
@@ -47,6 +54,57 @@ impl StoreReport {
 /// Where it can't be read at all.
 pub fn check_store(store: &mut dyn Store) -> Result<StoreReport, StoreError> {
     let Loaded { rows, format, damage, .. } = store.load()?;
+    Ok(report(rows, format, damage))
+}
+
+/// The same, and looks at every row where it lies; see [`Moment::verify`].
+///
+/// # Errors
+/// Where it can't be read at all.
+pub fn verify_store(store: &mut dyn Store) -> Result<VerifyReply, StoreError> {
+    let Loaded { rows, format, damage, .. } = store.load()?;
+    if damage.is_none() {
+        return verify(&store.moment()?);
+    }
+    let count = rows.len() as u64;
+    let bytes = rows.values().map(|content| content.bytes.len() as u64).sum();
+    Ok(reply(report(rows, format, damage), Vec::new(), [count, bytes, 0]))
+}
+
+/// Reads all of a moment, as a start would, and every row where it lies.
+///
+/// # Errors
+/// Where it can't be read at all.
+pub fn verify(moment: &Moment) -> Result<VerifyReply, StoreError> {
+    let Verified { rows, format, faults, count, bytes, file_bytes } = moment.verify()?;
+    let name = |session| {
+        let row = Row { session, kind: Kind::Identity, number: 0 };
+        let identity: Identity = parse(&rows.get(&row)?.bytes)?;
+        Some(identity.id)
+    };
+    let whose = |Row { session, kind, number }: Row| match (session, name(session)) {
+        (u64::MAX, _) => format!("the store's own row {kind:?}"),
+        (_, Some(id)) => format!("the session '{id}': the row {kind:?} {number}"),
+        (key, None) => format!("a session without a name (key {key}): the row {kind:?} {number}"),
+    };
+    let damage = faults.into_iter().map(|Fault { row, what }| match row {
+        Some(row) => format!("{}: {what}", whose(row)),
+        None => what,
+    });
+    let damage = damage.collect();
+    Ok(reply(report(rows, format, None), damage, [count, bytes, file_bytes]))
+}
+
+fn reply(report: StoreReport, mut damage: Vec<String>, counts: [u64; 3]) -> VerifyReply {
+    damage.extend(report.damage);
+    let [rows, bytes, file_bytes] = counts;
+    let (sessions, broken) = (report.sessions.len() as u64, report.broken);
+    let sound = broken.is_empty() && damage.is_empty();
+    VerifyReply { sound, sessions, broken, damage, rows, bytes, file_bytes }
+}
+
+/// What some rows come to.
+fn report(rows: BTreeMap<Row, Content>, format: Format, damage: Option<Damage>) -> StoreReport {
     let (rows, mut broken) =
         if format == Format::First { migrate(rows) } else { (rows, Vec::new()) };
     let Assembled { sessions, broken: parted, heartbeat } = assemble(rows);
@@ -67,7 +125,7 @@ pub fn check_store(store: &mut dyn Store) -> Result<StoreReport, StoreError> {
     let missing = damage.iter().flat_map(|damage| &damage.missing);
     broken.extend(missing.map(|key| format!("a session of which nothing was found (key {key})")));
     let damage = damage.map(|damage| damage.what);
-    Ok(StoreReport { format, sessions: whole, broken, damage })
+    StoreReport { format, sessions: whole, broken, damage }
 }
 
 /// Reads all of a session.

@@ -13,9 +13,10 @@ use crate::core::record::{Append, Checkpoint, Heartbeat, Part, Taken};
 use crate::core::session::error::SessionError;
 use crate::core::vitals::StoreVitals;
 use crate::core::{Input, Job, Verdict};
+use crate::journal::keeper::{Errand, StoreKeeper};
+use crate::journal::keyed::KeyedRequests;
 use crate::journal::writer::{Teller, Writer};
 use crate::machine;
-use crate::session::keyed::KeyedRequests;
 use crate::store::Store;
 use crate::threads::{self, Priority};
 
@@ -29,11 +30,13 @@ pub(crate) enum Task {
         /// Rejections that the world has heard of.
         heard: u64,
     },
+    /// Of an administrator, for the store as a whole.
+    Errand(Errand),
 }
 
 /// The world's end of the journal.
 pub(crate) struct Journal {
-    tasks: Option<mpsc::Sender<Task>>,
+    tasks: Option<Arc<mpsc::Sender<Task>>>,
     jobs: Option<mpsc::Sender<Job>>,
     verdicts: mpsc::Receiver<Verdict>,
     /// Empty where somebody else has the workers: then nothing tells whether they live.
@@ -63,7 +66,7 @@ impl Journal {
         let writer = Writer::new(store, incoming, teller(), keyed, vitals);
         let packer = Packer { jobs: to_encode, teller: teller() };
         let journal = Journal {
-            tasks: Some(tasks),
+            tasks: Some(Arc::new(tasks)),
             jobs: Some(jobs),
             verdicts,
             threads: Vec::new(),
@@ -84,6 +87,11 @@ impl Journal {
         self.threads.push(spawn("store", move || writer.run())?);
         self.threads.push(spawn("checkpoints", move || packer.run())?);
         Ok(())
+    }
+
+    /// What asks the store for what concerns all of it, until the journal stops.
+    pub fn keeper(&self) -> StoreKeeper {
+        StoreKeeper::of(self.tasks.as_ref().filter(|_| self.durable))
     }
 
     /// Adds to what this frame has left.

@@ -7,11 +7,15 @@
 mod assemble;
 mod check;
 mod handle;
+mod keeper;
+pub(crate) mod keyed;
 mod migrate;
 mod rows;
 mod writer;
 
 pub(crate) use assemble::{Assembled, assemble};
-pub use check::{StoreReport, StoredSession, check_store};
+pub use check::{StoreReport, StoredSession, check_store, verify_store};
 pub(crate) use handle::{Journal, Workers};
+pub use keeper::{Backup, StoreKeeper};
+pub use keyed::{KeyedRequests, NoPlace};
 pub(crate) use migrate::migrate;

@@ -15,9 +15,9 @@ use crate::core::storage::unstorable;
 use crate::core::vitals::StoreVitals;
 use crate::core::{Input, Verdict};
 use crate::journal::handle::Task;
+use crate::journal::keyed::KeyedRequests;
 use crate::journal::rows::{beat, write};
 use crate::machine;
-use crate::session::keyed::KeyedRequests;
 use crate::store::{Store, StoreError, Write};
 
 /// Time between two looks at whether the store is where it was.
@@ -118,6 +118,7 @@ impl Writer {
                     }
                     self.rewrite(&sessions, heard);
                 }
+                Task::Errand(errand) => errand.run(&mut *self.store),
             }
         }
         self.look();

@@ -21,7 +21,7 @@ use crate::http::bodies::read_whole;
 use crate::http::gate::{check_host, check_origin, guard};
 use crate::http::handlers::{
     self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
-    probes, profile, render, sessions, snapshots, snowfalls, tokens, unlock, usage,
+    probes, profile, render, sessions, snapshots, snowfalls, store, tokens, unlock, usage,
 };
 use crate::http::observe::observe;
 use crate::http::repeat::answer_once;
@@ -99,7 +99,11 @@ fn timed_routes() -> OpenApiRouter<App> {
 
 /// Routes that may take as long as they need.
 fn untimed_routes() -> OpenApiRouter<App> {
-    OpenApiRouter::default().routes(routes!(sessions::step))
+    OpenApiRouter::default()
+        .routes(routes!(sessions::step))
+        .routes(routes!(store::backup))
+        .routes(routes!(store::verify))
+        .routes(routes!(store::compact))
 }
 
 /// The stream asks for the token by itself: a browser has to be told in another way.

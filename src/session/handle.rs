@@ -10,7 +10,6 @@ use firn_protocol::{SessionSpec, SessionView, State};
 use firn_snow::CELL;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
-use super::keyed::KeyedRequests;
 use super::memory::Companion;
 use super::registry::Sessions;
 use crate::core::Input;
@@ -21,6 +20,7 @@ use crate::core::session::outlet::Outlet;
 use crate::core::session::spec::Limits;
 use crate::core::session::token::TokenHashes;
 use crate::core::tenant::Tenant;
+use crate::journal::KeyedRequests;
 use crate::machine;
 
 /// A session. Reads are served from its outlet; changes go to the world's thread.

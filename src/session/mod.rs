@@ -1,13 +1,13 @@
 //! What the rest of the server sees of sessions: names, handles, requests, views.
 
 pub(crate) mod handle;
-pub(crate) mod keyed;
 mod lock;
 mod memory;
 mod names;
 mod probe;
 pub(crate) mod registry;
 mod requests;
+mod sealed;
 mod tenants;
 mod token;
 mod totals;
@@ -26,8 +26,8 @@ pub use crate::core::session::token::{Grant, TokenHashes};
 pub use crate::core::snapshot::{MEDIA_TYPE as SNAPSHOT_MEDIA_TYPE, Snapshot};
 pub use crate::core::tenant::{Quotas, Tenant};
 pub use crate::core::vitals::{FrameParts, FrameTime, StageTimes, StoreState, StoreVitals, Vitals};
+pub use crate::journal::{KeyedRequests, NoPlace};
 pub use handle::Session;
-pub use keyed::{KeyedRequests, NoPlace};
 pub use memory::Companion;
 pub(crate) use names::Names;
 pub use registry::Sessions;

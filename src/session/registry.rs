@@ -17,8 +17,9 @@ use crate::core::session::spec::Limits;
 use crate::core::snapshot::Snapshot;
 use crate::core::vitals::Vitals;
 use crate::core::{Control, Creation, Directory, Fault, Input};
+use crate::journal::StoreKeeper;
+use crate::journal::keyed::KeyedRequests;
 use crate::session::handle::Session;
-use crate::session::keyed::KeyedRequests;
 use crate::session::names::{Names, Place};
 use crate::session::requests::{ask, blocking};
 use crate::session::tenants::Tenants;
@@ -56,6 +57,8 @@ pub struct Sessions {
     pub(crate) keyed: Arc<KeyedRequests>,
     /// Makes snowpacks, which the world takes in.
     pub(crate) maker: Maker,
+    /// What is kept of all of them.
+    pub(crate) store: StoreKeeper,
 }
 
 impl Sessions {
@@ -83,6 +86,7 @@ impl Sessions {
             decoding,
             keyed,
             maker,
+            store: StoreKeeper::default(),
         }
     }
 
@@ -303,6 +307,11 @@ impl Sessions {
     /// Whom sessions belong to.
     pub fn tenants(&self) -> &Tenants {
         &self.tenants
+    }
+
+    /// What is kept of all of them.
+    pub fn store(&self) -> &StoreKeeper {
+        &self.store
     }
 
     /// The server's limits.

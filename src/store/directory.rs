@@ -13,6 +13,9 @@ const FILE: &str = "firn.redb";
 /// Name of the file that is to take its place.
 const NEW_FILE: &str = "firn.redb.new";
 
+/// Name of the copy that a running server makes for a backup.
+const COPY: &str = "firn.redb.backup";
+
 /// The data directory.
 #[derive(Clone, Debug)]
 pub(super) struct Directory(PathBuf);
@@ -46,10 +49,50 @@ impl Directory {
 
     /// Removes a new file that an earlier start left: it holds nothing that is not in the store's.
     pub fn remove_new_file(&self) -> io::Result<()> {
-        match fs::remove_file(self.new_file()) {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        remove(&self.new_file())
+    }
+
+    /// The copy that a running server makes for a backup.
+    pub fn copy(&self) -> PathBuf {
+        self.0.join(COPY)
+    }
+
+    /// Removes a copy, as one that a server left when it was killed.
+    pub fn remove_copy(&self) -> io::Result<()> {
+        remove(&self.copy())
+    }
+
+    /// Bytes of the store's file.
+    pub fn length(&self) -> io::Result<u64> {
+        Ok(fs::metadata(self.file())?.len())
+    }
+
+    /// Refuses a copy that may fill the disk: then changes would be refused as well.
+    pub fn check_room(&self) -> io::Result<()> {
+        let (needed, free) = (self.length()?, self.free());
+        match free {
+            Some(free) if free < needed => Err(io::Error::new(
+                ErrorKind::StorageFull,
+                format!(
+                    "{free} bytes are free there, and a copy of the store may take {needed}: make room, or \
+                     give unused pages of the store back with `firn store compact`"
+                ),
+            )),
             _ => Ok(()),
         }
+    }
+
+    /// Bytes that are free, where that is known.
+    #[cfg(unix)]
+    fn free(&self) -> Option<u64> {
+        let disk = rustix::fs::statvfs(&self.0).ok()?;
+        Some(disk.f_bavail.saturating_mul(disk.f_frsize))
+    }
+
+    /// Elsewhere it shows when the disk is full.
+    #[cfg(not(unix))]
+    fn free(&self) -> Option<u64> {
+        None
     }
 
     /// Puts the new file in the place of the store's, so that there is one of them at any moment.
@@ -76,20 +119,41 @@ impl Directory {
     }
 
     /// Sees to it that names of new files outlive a power cut.
-    #[cfg(unix)]
     pub fn sync(&self) -> io::Result<()> {
-        File::open(&self.0)?.sync_all()
+        sync_names(&self.0)
     }
+}
 
-    /// Other systems do so by themselves.
-    #[cfg(not(unix))]
-    pub fn sync(&self) -> io::Result<()> {
-        Ok(())
+/// Sees to it that names of new files in a directory outlive a power cut.
+#[cfg(unix)]
+pub fn sync_names(directory: &Path) -> io::Result<()> {
+    File::open(directory)?.sync_all()
+}
+
+/// Other systems do so by themselves.
+#[cfg(not(unix))]
+pub fn sync_names(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+/// Makes a file that is not there, for this user alone.
+pub fn new_file(path: &Path) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    options.read(true).write(true).create_new(true).open(path)
+}
+
+/// Removes a file, if it is there.
+fn remove(path: &Path) -> io::Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
     }
 }
 
 /// Gives a file a second name that is not taken; file systems without such get a copy.
-fn link_or_copy(from: &Path, to: &Path) -> io::Result<()> {
+pub fn link_or_copy(from: &Path, to: &Path) -> io::Result<()> {
     match fs::hard_link(from, to) {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => {
             let mut copy = OpenOptions::new().write(true).create_new(true).open(to)?;

@@ -25,6 +25,9 @@ const CHECKED: usize = 8 + NAME + 8 + 4;
 /// Bytes of a frame before its content.
 pub const HEAD: usize = CHECKED + 16;
 
+/// A frame before its content.
+pub type Head = [u8; HEAD];
+
 impl Row {
     /// Its name: rows are ordered as their names are.
     pub fn name(&self) -> [u8; NAME] {
@@ -94,10 +97,20 @@ pub fn open(magic: &[u8], bytes: &[u8]) -> Option<(Row, Content)> {
     let row = Row::named(&checked[8..8 + NAME])?;
     let number = |at: usize| u64::from_le_bytes(checked[at..at + 8].try_into().expect("8 bytes"));
     let batch = number(8 + NAME);
-    let length = number(CHECKED - 8) >> 32;
-    let content = rest.get(..length as usize)?;
+    let content = rest.get(..length(head.first_chunk()?))?;
     let sound = checksum(checked, content) == sum;
     sound.then(|| (row, Content { batch, bytes: content.to_vec() }))
+}
+
+/// Bytes of the content behind a head.
+pub fn length(head: &Head) -> usize {
+    let length = head[CHECKED - 4..CHECKED].try_into().expect("4 bytes");
+    u32::from_le_bytes(length) as usize
+}
+
+/// The row that a head says it is of.
+pub fn row(head: &Head) -> Option<Row> {
+    Row::named(&head[8..8 + NAME])
 }
 
 fn checksum(head: &[u8], content: &[u8]) -> [u8; 16] {

@@ -1,20 +1,24 @@
 //! Rows that outlive the process: a small key-value store whose batches are written whole or not
-//! at all. What rows mean is the business of `session::journal`.
+//! at all. What rows mean is the business of the journal.
 
 mod clock;
 mod directory;
 mod frame;
+mod moment;
 mod open;
 mod redb;
 mod refusal;
 mod roster;
 mod salvage;
 mod secret;
+mod tables;
 
 use std::collections::BTreeMap;
 use std::fmt;
 
 pub use self::clock::StoreClock;
+pub(crate) use self::directory::{link_or_copy, new_file, sync_names};
+pub use self::moment::{Fault, Moment, Verified};
 pub use self::redb::{Open, RedbStore};
 
 /// What a row holds. The numbers stand on disk: none is ever used for anything else.
@@ -155,6 +159,18 @@ pub enum StoreError {
     /// What it has written is not where it was any more.
     #[error("{0}")]
     Gone(String),
+    /// A running server uses it.
+    #[error("{0}")]
+    InUse(String),
+}
+
+/// Bytes of the file before and after unused pages were given back.
+#[derive(Clone, Copy, Debug)]
+pub struct Compacted {
+    /// Before.
+    pub before: u64,
+    /// After.
+    pub after: u64,
 }
 
 /// Keeps rows. One thread uses it.
@@ -189,10 +205,30 @@ pub trait Store: Send + fmt::Debug {
     /// Where it may not be durable. Trying again later may succeed.
     fn commit(&mut self, writes: &[Write]) -> Result<(), StoreError>;
 
+    /// All that is committed now, to be read by another thread while more is committed.
+    ///
+    /// # Errors
+    /// Where there is no file, or it can't be read.
+    fn moment(&mut self) -> Result<Moment, StoreError> {
+        Err(no_file())
+    }
+
+    /// Gives unused pages of the file back to the file system, which may take long. No [`Moment`] may be left.
+    ///
+    /// # Errors
+    /// Where there is no file, or it can't be written. No row is lost.
+    fn compact(&mut self) -> Result<Compacted, StoreError> {
+        Err(no_file())
+    }
+
     /// Whether rows outlive the process.
     fn is_durable(&self) -> bool {
         true
     }
+}
+
+fn no_file() -> StoreError {
+    StoreError::Failed("this store is no file".to_owned())
 }
 
 /// Keeps nothing: sessions end with the process.

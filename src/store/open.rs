@@ -19,6 +19,8 @@ pub(super) fn builder(check: bool) -> Builder {
 pub(super) enum Failure {
     /// What is in it is not what was written.
     Damage(String),
+    /// Another process has it open.
+    InUse,
     /// Something that has nothing to do with what is in it.
     Other(String),
 }
@@ -30,9 +32,7 @@ pub(super) fn attempt(
     let opened = catch_unwind(AssertUnwindSafe(open))
         .map_err(|_| Failure::Damage("reading it panicked".to_owned()))?;
     opened.map_err(|error| match &error {
-        DatabaseError::DatabaseAlreadyOpen => {
-            Failure::Other("another server uses it already".to_owned())
-        }
+        DatabaseError::DatabaseAlreadyOpen => Failure::InUse,
         DatabaseError::Storage(StorageError::Io(io)) => match io.kind() {
             ErrorKind::UnexpectedEof | ErrorKind::InvalidData | ErrorKind::InvalidInput => {
                 Failure::Damage(io.to_string())

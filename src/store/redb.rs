@@ -2,42 +2,33 @@
 
 use std::fmt;
 use std::fs;
-use std::io;
+use std::io::{self, ErrorKind};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use redb::{
-    Database, DatabaseError, Durability, ReadableDatabase, ReadableTable, StorageError, Table,
-    TableDefinition, WriteTransaction,
-};
+use redb::{Database, DatabaseError};
 use tracing::{info, warn};
 
 use super::clock::StoreClock;
 use super::directory::{Directory, Place};
-use super::frame::{self, NAME};
+use super::moment::{Fault, Moment, Rows};
 use super::open::{Failure, attempt, builder};
-use super::roster::{NOBODY, Population, is_kept_twice};
-use super::{
-    Content, Damage, Format, Kind, Loaded, Row, Store, StoreError, Write, refusal, salvage,
+use super::roster::Population;
+use super::tables::{
+    CLOCK, FORMAT, HEADS, ROWS, begin, carry_out, check_format, failed, is_written_twice, put_all,
+    stamp,
 };
-
-const ROWS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("rows2");
-
-/// A second copy of rows that are kept twice, on other pages.
-const HEADS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("heads2");
-
-/// Rows of the first format.
-const FIRST_ROWS: TableDefinition<&[u8], &[u8]> = TableDefinition::new("rows");
-
-/// The row of the format.
-const FORMAT: Row = Row { session: NOBODY, kind: Kind::Format, number: 0 };
-
-/// The row of the store's clock.
-const CLOCK: Row = Row { session: NOBODY, kind: Kind::Clock, number: 0 };
+use super::{
+    Compacted, Content, Damage, Format, Loaded, Row, Store, StoreError, Write, frame, no_file,
+    salvage,
+};
 
 /// Batches that an earlier life of the store may have begun and not ended, at the most: parts of them
 /// may be found in the file, and no other batch has their numbers.
 const UNFINISHED: u64 = 1 << 32;
+
+/// What a second server on a directory is told.
+const IN_USE: &str = "another server uses it already";
 
 /// Opens the database; `true` asks for a check of everything in it.
 pub type Open = Box<dyn Fn(bool) -> Result<Database, DatabaseError> + Send>;
@@ -70,8 +61,6 @@ struct Found {
     damage: Damage,
 }
 
-type Rows = std::collections::BTreeMap<Row, Content>;
-
 impl RedbStore {
     /// Opens the store of a data directory, and makes both where they are not there. Of a damaged
     /// file what is sound is looked for; see [`Store::take_over`].
@@ -89,22 +78,31 @@ impl RedbStore {
             directory.remove_new_file().map_err(unusable_io)?;
             match attempt(|| builder(false).create(directory.new_file())) {
                 Ok(database) => drop(database),
+                Err(Failure::InUse) => return Err(unusable(IN_USE.to_owned())),
                 Err(Failure::Damage(why) | Failure::Other(why)) => return Err(unusable(why)),
             }
             directory.replace().map_err(unusable_io)?;
         }
-        RedbStore::of(directory).map_err(|error| unusable(error.to_string()))
+        let store = RedbStore::of(directory.clone()).map_err(unusable_io)?;
+        // Nobody else is at work in the directory from here on.
+        if let Err(error) = directory.remove_copy() {
+            warn!("{}: {error}; it is no longer needed: remove it", directory.copy().display());
+        }
+        Ok(store)
     }
 
     /// Opens the store of a data directory that is there, to look into it.
     ///
     /// # Errors
-    /// Where there is none, it can't be read or a server uses it.
+    /// [`StoreError::InUse`] where a server uses it; where there is none, or it can't be read.
     pub fn existing(directory: &Path) -> Result<RedbStore, StoreError> {
         let place = directory.display();
         let unusable = |error: &dyn fmt::Display| failed(format!("no store in {place}: {error}"));
         let directory = Directory::existing(directory).map_err(|error| unusable(&error))?;
-        RedbStore::of(directory).map_err(|error| unusable(&error))
+        RedbStore::of(directory).map_err(|error| match error.kind() {
+            ErrorKind::ResourceBusy => StoreError::InUse(format!("a running server uses {place}")),
+            _ => unusable(&error),
+        })
     }
 
     fn of(directory: Directory) -> io::Result<RedbStore> {
@@ -119,6 +117,7 @@ impl RedbStore {
                 return Ok(RedbStore { place, directory: Some(directory), ..store });
             }
             Err(Failure::Damage(why)) => why,
+            Err(Failure::InUse) => return Err(io::Error::new(ErrorKind::ResourceBusy, IN_USE)),
             Err(Failure::Other(why)) => return Err(io::Error::other(why)),
         };
         warn!("{} is damaged ({damage}); looking for what is sound", path.display());
@@ -156,13 +155,9 @@ impl RedbStore {
     }
 
     fn write(&mut self, writes: &[Write]) -> Result<(), redb::Error> {
-        let database = match &mut self.database {
-            Some(database) => database,
-            closed => closed.insert((self.open)(false)?),
-        };
         let (turn, more) = self.population.turn(writes);
         let clock = Write::Put(CLOCK, self.clock.encode());
-        let transaction = begin(database)?;
+        let transaction = begin(self.database()?)?;
         {
             if !self.stamped {
                 stamp(&transaction, self.batch)?;
@@ -183,34 +178,55 @@ impl RedbStore {
     }
 
     fn read(&self) -> Result<(Rows, Format, Option<Damage>), redb::Error> {
-        let (mut sound, mut damage) = (Rows::new(), None);
-        let Some(database) = &self.database else { return Ok((sound, Format::Present, None)) };
-        let transaction = database.begin_read()?;
-        let (rows, format) = match transaction.open_table(ROWS) {
-            Ok(rows) => (rows, Format::Present),
-            Err(redb::TableError::TableDoesNotExist(_)) => {
-                match transaction.open_table(FIRST_ROWS) {
-                    Ok(rows) => (rows, Format::First),
-                    // Nothing has been written yet.
-                    Err(redb::TableError::TableDoesNotExist(_)) => {
-                        return Ok((sound, Format::Present, None));
-                    }
-                    Err(error) => return Err(error.into()),
-                }
-            }
-            Err(error) => return Err(error.into()),
+        let Some(database) = &self.database else {
+            return Ok((Rows::new(), Format::Present, None));
         };
-        for row in rows.iter()? {
-            let (name, sealed) = row?;
-            match frame::open(format.magic(), sealed.value()) {
-                Some((row, content)) => drop(sound.insert(row, content)),
-                None => {
-                    let what = format!("a row can't be read: {:?}", Row::named(name.value()));
-                    damage = Some(Damage { what, missing: Vec::new() });
-                }
-            }
+        let (rows, format, mut faults) = Moment::of(database, None)?.rows()?;
+        let damage = faults.pop().map(|Fault { row, what }| {
+            let what = format!("a row can't be read: {row:?}, {what}");
+            Damage { what, missing: Vec::new() }
+        });
+        Ok((rows, format, damage))
+    }
+
+    /// The database, opened again where a failure has closed it.
+    fn database(&mut self) -> Result<&mut Database, redb::Error> {
+        Ok(match &mut self.database {
+            Some(database) => database,
+            closed => closed.insert((self.open)(false)?),
+        })
+    }
+
+    /// Changes the file. Where that fails it is closed: redb gives up on a file after an error, by its own
+    /// word or by a panic.
+    fn attempt(
+        &mut self,
+        change: impl FnOnce(&mut RedbStore) -> Result<(), redb::Error>,
+    ) -> Result<(), StoreError> {
+        let changed = catch_unwind(AssertUnwindSafe(|| change(self)));
+        let changed = match changed {
+            Ok(changed) => changed.map_err(failed),
+            Err(_) => Err(failed("writing to the store panicked")),
+        };
+        if changed.is_err() {
+            let database = self.database.take();
+            // Closing it may fail as writing did.
+            let _ = catch_unwind(AssertUnwindSafe(|| drop(database)));
         }
-        Ok((sound, format, damage))
+        changed
+    }
+
+    /// The directory of a file that is sound.
+    fn sound_directory(&self) -> Result<Directory, StoreError> {
+        let directory = self.directory.clone().ok_or_else(no_file)?;
+        if self.damaged || self.found.is_some() {
+            return Err(failed(format!(
+                "{} is damaged; `firn store check` lists what is whole in it, and the next start takes \
+                 that over into a new file",
+                directory.file().display()
+            )));
+        }
+        Ok(directory)
     }
 
     /// Makes a new file of some rows, beside the present one, and puts it in its place.
@@ -220,7 +236,11 @@ impl RedbStore {
         let own = self.population.rows().into_iter().chain([(CLOCK, self.clock.encode())]);
         let content = |bytes| Content { batch: self.batch, bytes };
         let own: Rows = own.map(|(row, bytes)| (row, content(bytes))).collect();
-        put_all(&database, rows.iter().chain(&own), self.batch).map_err(io::Error::other)?;
+        let sealed = |(row, Content { batch, bytes }): (&Row, &Content)| {
+            Ok((*row, frame::seal(row, *batch, bytes)))
+        };
+        let all = rows.iter().chain(&own).map(sealed);
+        put_all(&database, all, self.batch).map_err(io::Error::other)?;
         // The file is locked by whoever has it open.
         drop((database, self.database.take()));
         let kept = directory.keep_aside(why)?;
@@ -264,6 +284,7 @@ impl Store for RedbStore {
         self.replace(&directory, rows, why).map_err(unusable)?;
         self.database = Some((self.open)(false).map_err(failed)?);
         self.stamped = true;
+        self.damaged = false;
         Ok(())
     }
 
@@ -273,21 +294,26 @@ impl Store for RedbStore {
 
     fn commit(&mut self, writes: &[Write]) -> Result<(), StoreError> {
         self.check()?;
-        // redb gives up on a file after an error, by its own word or by a panic.
-        let written = catch_unwind(AssertUnwindSafe(|| self.write(writes)));
-        let written = match written {
-            Ok(written) => written.map_err(failed),
-            Err(_) => Err(failed("writing to the store panicked")),
-        };
+        let written = self.attempt(|store| store.write(writes));
         // Parts of a batch that failed may be found in the file: no other has its number.
         self.batch = self.batch.saturating_add(1);
-        if written.is_err() {
-            let database = self.database.take();
-            // Closing it may fail as writing did.
-            let _ = catch_unwind(AssertUnwindSafe(|| drop(database)));
-        }
         // What lies in a file that nobody finds is not stored; it stays open, so that it can be copied.
         written.and_then(|()| self.check())
+    }
+
+    fn moment(&mut self) -> Result<Moment, StoreError> {
+        let directory = self.sound_directory()?;
+        self.check()?;
+        let database = self.database().map_err(failed)?;
+        Moment::of(database, Some(directory)).map_err(failed)
+    }
+
+    fn compact(&mut self) -> Result<Compacted, StoreError> {
+        let directory = self.sound_directory()?;
+        self.check()?;
+        let before = directory.length().map_err(failed)?;
+        self.attempt(|store| store.database()?.compact().map(drop).map_err(redb::Error::from))?;
+        Ok(Compacted { before, after: directory.length().map_err(failed)? })
     }
 }
 
@@ -295,100 +321,4 @@ impl fmt::Debug for RedbStore {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("RedbStore").field("batch", &self.batch).finish_non_exhaustive()
     }
-}
-
-/// Begins a batch, to be written whole or not at all.
-fn begin(database: &Database) -> Result<WriteTransaction, redb::Error> {
-    let mut transaction = database.begin_write()?;
-    transaction.set_durability(Durability::Immediate)?;
-    // With one phase a damaged commit is taken for one that a crash cut off, and left out.
-    transaction.set_two_phase_commit(true);
-    Ok(transaction)
-}
-
-/// Says what the rows mean, and keeps programs away that would not understand them.
-fn stamp(transaction: &WriteTransaction, batch: u64) -> Result<(), redb::Error> {
-    let number = Format::Present.number().to_le_bytes();
-    transaction.open_table(refusal::ROWS)?;
-    let mut rows = transaction.open_table(ROWS)?;
-    rows.insert(&FORMAT.name()[..], &frame::seal(&FORMAT, batch, &number)[..])?;
-    Ok(())
-}
-
-/// Whether this program understands a format.
-fn check_format(content: &Content) -> Result<(), StoreError> {
-    let number = content.bytes.as_slice().try_into().map(u32::from_le_bytes);
-    let known = Format::Present.number();
-    match number {
-        Ok(number) if number <= known => Ok(()),
-        _ => Err(failed(format!(
-            "the store has format {number}, and this is Firn {}, which knows formats up to {known}: a newer \
-             version has written it, and only such a one reads it",
-            env!("CARGO_PKG_VERSION"),
-            number = number.unwrap_or(u32::MAX),
-        ))),
-    }
-}
-
-/// Writes rows into an empty database, as they were.
-fn put_all<'r>(
-    database: &Database,
-    rows: impl Iterator<Item = (&'r Row, &'r Content)>,
-    batch: u64,
-) -> Result<(), redb::Error> {
-    let transaction = begin(database)?;
-    stamp(&transaction, batch)?;
-    {
-        let mut table = transaction.open_table(ROWS)?;
-        let mut twice = transaction.open_table(HEADS)?;
-        for (row, Content { batch, bytes }) in rows {
-            let sealed = frame::seal(row, *batch, bytes);
-            table.insert(&row.name()[..], &sealed[..])?;
-            if is_kept_twice(row.kind) {
-                twice.insert(&row.name()[..], &sealed[..])?;
-            }
-        }
-    }
-    transaction.commit()?;
-    Ok(())
-}
-
-fn is_written_twice(write: &Write) -> bool {
-    match write {
-        Write::Put(row, _) | Write::Remove(row) => is_kept_twice(row.kind),
-        Write::RemoveEntries { .. } => false,
-        Write::RemoveSession(_) => true,
-    }
-}
-
-fn carry_out(
-    write: &Write,
-    batch: u64,
-    rows: &mut Table<&[u8], &[u8]>,
-) -> Result<(), StorageError> {
-    match write {
-        Write::Put(row, content) => {
-            rows.insert(&row.name()[..], &frame::seal(row, batch, content)[..])?;
-        }
-        Write::Remove(row) => {
-            rows.remove(&row.name()[..])?;
-        }
-        Write::RemoveEntries { session, before } => {
-            let entry = |number| Row { session: *session, kind: Kind::Entry, number }.name();
-            let (from, to) = (entry(0), entry(*before));
-            rows.retain_in(&from[..]..&to[..], |_, _| false)?;
-        }
-        Write::RemoveSession(session) => {
-            let mut range = [[0; NAME], [0xff; NAME]];
-            for end in &mut range {
-                end[..8].copy_from_slice(&session.to_be_bytes());
-            }
-            rows.retain_in(&range[0][..]..=&range[1][..], |_, _| false)?;
-        }
-    }
-    Ok(())
-}
-
-fn failed(error: impl fmt::Display) -> StoreError {
-    StoreError::Failed(error.to_string())
 }

@@ -1,13 +1,13 @@
 //! What can be had of a damaged file: every row that is sound, found by its frame.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
 use tracing::warn;
 
-use super::frame::{self, FIRST_MAGIC, HEAD, MAGIC};
+use super::frame::{self, FIRST_MAGIC, HEAD, Head, MAGIC};
 use super::secret::{LENGTH, Secret};
 use super::{Content, Format, Kind, Row, roster, secret};
 
@@ -97,6 +97,35 @@ fn tombstones(
     }
 }
 
+/// Looks in a file for whole rows with some heads, and takes those out that are there.
+///
+/// # Errors
+/// Those of reading.
+pub fn find_all(magic: &[u8], mut file: impl Read, heads: &mut HashSet<Head>) -> io::Result<()> {
+    let mut bytes = Vec::new();
+    loop {
+        // A head may lie across the edge.
+        bytes.drain(..bytes.len().saturating_sub(HEAD - 1));
+        if file.by_ref().take(PART).read_to_end(&mut bytes)? == 0 {
+            return Ok(());
+        }
+        let mut at = 0;
+        while let Some(next) = find(magic, &bytes[at..]) {
+            at += next;
+            let head = bytes[at..].first_chunk().filter(|head| heads.contains(*head)).copied();
+            if let Some(head) = head {
+                let whole = at + HEAD + frame::length(&head);
+                let more = whole.saturating_sub(bytes.len()) as u64;
+                file.by_ref().take(more).read_to_end(&mut bytes)?;
+                if frame::open(magic, &bytes[at..]).is_some() {
+                    heads.remove(&head);
+                }
+            }
+            at += 1;
+        }
+    }
+}
+
 /// All sound rows in some bytes, of each the one that was written last: those of the present format, and of
 /// the first.
 ///
@@ -161,6 +190,25 @@ mod tests {
         bytes.extend(sealed(3, 13, &[8; LENGTH]));
         let found = tombstones(MAGIC, &bytes[..], &secret).unwrap();
         assert_eq!(found, BTreeMap::from([(0, 9), (1, 12), (2, 9), (3, 9)]));
+    }
+
+    #[test]
+    fn rows_are_looked_for_wherever_they_lie_and_only_whole_ones_count() {
+        let sealed = |number, length: usize| {
+            frame::seal(&Row { session: 1, kind: Kind::Checkpoint, number }, 7, &vec![b'F'; length])
+        };
+        let large = 2 * PART as usize;
+        let rows = [sealed(1, 9), sealed(2, large), sealed(3, 0), sealed(4, large), sealed(5, 9)];
+        let mut bytes = vec![b'F'; PART as usize - 20];
+        rows[..4].iter().for_each(|row| bytes.extend(row));
+        let last = bytes.len() - 1;
+        bytes[last] ^= 1;
+        let mut heads: HashSet<Head> = rows.iter().map(|row| *row.first_chunk().unwrap()).collect();
+        find_all(MAGIC, &bytes[..], &mut heads).unwrap();
+        let mut left: Vec<u64> =
+            heads.iter().map(|head| frame::row(head).unwrap().number).collect();
+        left.sort_unstable();
+        assert_eq!(left, [4, 5]);
     }
 
     #[test]

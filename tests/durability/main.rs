@@ -1,6 +1,7 @@
 //! Nothing acknowledged is ever lost: restarts, kills, power cuts, full disks, damaged files, lost
 //! devices.
 
+mod backup;
 #[path = "../stream/client.rs"]
 #[allow(dead_code)]
 mod client;
@@ -27,3 +28,4 @@ mod slow;
 #[path = "../support/mod.rs"]
 mod support;
 mod tenants;
+mod upkeep;

@@ -116,6 +116,11 @@ impl Process {
         answer
     }
 
+    /// The number of its process.
+    pub fn id(&self) -> u32 {
+        self.child.id().expect("it runs")
+    }
+
     /// Ends it as a crash would.
     pub async fn kill(mut self) {
         self.child.kill().await.expect("it can be killed");
@@ -123,8 +128,7 @@ impl Process {
 
     /// Asks it to stop.
     pub fn terminate(&self) {
-        let id = self.child.id().expect("it runs") as i32;
-        let id = rustix::process::Pid::from_raw(id).expect("a process has a number");
+        let id = rustix::process::Pid::from_raw(self.id() as i32).expect("a process has a number");
         rustix::process::kill_process(id, rustix::process::Signal::TERM).expect("it is ours");
     }
 

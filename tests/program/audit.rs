@@ -74,6 +74,11 @@ async fn administrative_calls_are_told_with_who_and_what_and_without_secrets() {
     send(&server, ALPINE, Method::DELETE, "/v1/sessions/copy", Value::Null).await;
     send(&server, OPERATOR, Method::DELETE, "/v1/sessions/copy", Value::Null).await;
     send(&server, OPERATOR, Method::POST, "/v1/sessions/peak/unlock", Value::Null).await;
+    for (method, call) in
+        [(Method::GET, "backup"), (Method::POST, "verify"), (Method::POST, "compact")]
+    {
+        send(&server, OPERATOR, method, &format!("/v1/store/{call}"), Value::Null).await;
+    }
     #[cfg(unix)]
     {
         let count = async || {
@@ -97,6 +102,10 @@ async fn administrative_calls_are_told_with_who_and_what_and_without_secrets() {
         // That it belongs to the operator is not to be known.
         ["operator", "delete session", "copy", "204"],
         ["operator", "unlock session", "peak", "200"],
+        // It keeps nothing.
+        ["operator", "back up store", "", "409"],
+        ["operator", "verify store", "", "409"],
+        ["operator", "compact store", "", "409"],
         ["signal", "reload api_keys", "", "ok"],
         ["stranger", "authenticate: unknown", "peak", "401"],
     ];

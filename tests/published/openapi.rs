@@ -43,6 +43,9 @@ fn it_lists_every_call() {
         "get /metrics".to_owned(),
         "get /readyz".to_owned(),
         "get /openapi.json".to_owned(),
+        "get /v1/store/backup".to_owned(),
+        "post /v1/store/verify".to_owned(),
+        "post /v1/store/compact".to_owned(),
     ]);
     for call in [
         "get ",

@@ -206,6 +206,13 @@ export interface components {
             /** @description Layers less dense than what lies above and below, from the ground up. */
             weak_layers: components["schemas"]["WeakLayerView"][];
         };
+        /** @description What giving back unused pages has done. */
+        CompactReply: {
+            /** @description Length of the file before [bytes]. */
+            bytes_before: number;
+            /** @description Length of the file after [bytes]. */
+            bytes_after: number;
+        };
         /**
          * @description What a cell holds.
          * @enum {string}
@@ -989,6 +996,23 @@ export interface components {
             /** @description Memory, by what it is for. */
             memory_bytes: components["schemas"]["MemoryBytes"];
         };
+        /** @description What was found in the store. */
+        VerifyReply: {
+            /** @description Whether nothing is wrong. */
+            sound: boolean;
+            /** @description Sessions that can be brought back. */
+            sessions: number;
+            /** @description Each session that can't be, by its name, and why. */
+            broken: string[];
+            /** @description Everything else that is wrong: with a row, and whose it is, or with the file. */
+            damage: string[];
+            /** @description Sound rows, second copies among them. */
+            rows: number;
+            /** @description What they take [bytes]. */
+            bytes: number;
+            /** @description Length of the file [bytes]. What it has beyond the rows is its index and unused pages. */
+            file_bytes: number;
+        };
         /**
          * @description A maximal run of cells with a density of at most 0.8 of the least dense of the densest cell
          *     above and the densest cell below.
@@ -1053,6 +1077,7 @@ export type ColliderView = components['schemas']['ColliderView'];
 export type CollidersBatchMessage = components['schemas']['CollidersBatchMessage'];
 export type ColumnRegion = components['schemas']['ColumnRegion'];
 export type ColumnView = components['schemas']['ColumnView'];
+export type CompactReply = components['schemas']['CompactReply'];
 export type ContentName = components['schemas']['ContentName'];
 export type CreateSessionQuery = components['schemas']['CreateSessionQuery'];
 export type CreatedSession = components['schemas']['CreatedSession'];
@@ -1122,6 +1147,7 @@ export type TokensReply = components['schemas']['TokensReply'];
 export type UnsubscribeMessage = components['schemas']['UnsubscribeMessage'];
 export type UpdateMessage = components['schemas']['UpdateMessage'];
 export type UsageView = components['schemas']['UsageView'];
+export type VerifyReply = components['schemas']['VerifyReply'];
 export type WeakLayerView = components['schemas']['WeakLayerView'];
 export type WelcomeMessage = components['schemas']['WelcomeMessage'];
 export type $defs = Record<string, never>;

@@ -117,6 +117,15 @@ impl Client {
         read.map(drop).map_err(|error| Error::Unreadable { what, why: root_cause(&error) })
     }
 
+    /// Reads something that is too large to be read at once. Returns the response, of which nothing is read yet.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] where the server says why not.
+    pub async fn fetch(&self, path: &str) -> Result<Response, Error> {
+        let response = self.send(Method::GET, path, None::<&()>).await?;
+        accepted(response, &format!("GET {path}")).await
+    }
+
     /// Sends a request and returns the response, whatever its status.
     ///
     /// # Errors

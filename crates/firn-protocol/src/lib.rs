@@ -24,6 +24,7 @@ mod probes;
 mod problem;
 mod session;
 mod snow;
+mod store;
 pub mod stream;
 mod subscription;
 mod usage;
@@ -40,6 +41,7 @@ pub use session::{
     StepSpec, Summary, Terrain,
 };
 pub use snow::{ColumnView, LayerView, MassView, WeakLayerView};
+pub use store::{CompactReply, VerifyReply};
 pub use subscription::{ColumnRegion, Resume, Subscribe, Update};
 pub use usage::{MemoryBytes, UsageView};
 pub use weather::{

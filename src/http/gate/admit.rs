@@ -33,7 +33,8 @@ const GUARDED: &str = "/v1/";
 const READS_BY_POST: [&str; 1] = ["/v1/sessions/{id}/probes"];
 
 /// Calls that are an administrator's.
-const ADMINISTERS: [&str; 1] = ["/v1/sessions/{id}/unlock"];
+const ADMINISTERS: [&str; 4] =
+    ["/v1/sessions/{id}/unlock", "/v1/store/backup", "/v1/store/verify", "/v1/store/compact"];
 
 /// Somebody who wants something.
 #[derive(Clone, Copy, Debug)]
@@ -242,5 +243,6 @@ mod tests {
             assert_eq!(scope(&method, "/v1/sessions/{id}"), Scope::Write, "{method}");
         }
         assert_eq!(scope(&Method::POST, "/v1/sessions/{id}/unlock"), Scope::Admin);
+        assert_eq!(scope(&Method::GET, "/v1/store/backup"), Scope::Admin);
     }
 }

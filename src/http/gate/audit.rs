@@ -47,6 +47,9 @@ impl Call {
             (&Method::DELETE, "/v1/sessions/{id}") => "delete session",
             (&Method::POST, "/v1/sessions/{id}/tokens") => "reissue tokens",
             (&Method::POST, "/v1/sessions/{id}/unlock") => "unlock session",
+            (_, "/v1/store/backup") => "back up store",
+            (&Method::POST, "/v1/store/verify") => "verify store",
+            (&Method::POST, "/v1/store/compact") => "compact store",
             _ => return None,
         };
         let session = session.map(str::to_owned);

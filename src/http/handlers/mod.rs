@@ -16,6 +16,7 @@ pub mod render;
 pub mod sessions;
 pub mod snapshots;
 pub mod snowfalls;
+pub mod store;
 pub mod tokens;
 pub mod unlock;
 pub mod usage;

@@ -198,6 +198,16 @@ class ColumnRegion(TypedDict):
     depth: int
 
 
+class CompactReply(TypedDict):
+    """What giving back unused pages has done."""
+
+    bytes_before: int
+    """Length of the file before [bytes]."""
+
+    bytes_after: int
+    """Length of the file after [bytes]."""
+
+
 ContentName: TypeAlias = Literal["air", "snow", "ground"]
 
 
@@ -1296,6 +1306,31 @@ class UsageView(TypedDict):
 
     memory_bytes: MemoryBytes
     """Memory, by what it is for."""
+
+
+class VerifyReply(TypedDict):
+    """What was found in the store."""
+
+    sound: bool
+    """Whether nothing is wrong."""
+
+    sessions: int
+    """Sessions that can be brought back."""
+
+    broken: list[str]
+    """Each session that can't be, by its name, and why."""
+
+    damage: list[str]
+    """Everything else that is wrong: with a row, and whose it is, or with the file."""
+
+    rows: int
+    """Sound rows, second copies among them."""
+
+    bytes: int
+    """What they take [bytes]."""
+
+    file_bytes: int
+    """Length of the file [bytes]. What it has beyond the rows is its index and unused pages."""
 
 
 class WeakLayerView(TypedDict):

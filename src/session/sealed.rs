@@ -64,7 +64,7 @@ mod tests {
 
     use super::*;
     use crate::core::session::change::Applied;
-    use crate::session::keyed::KeyedRequests;
+    use crate::journal::keyed::KeyedRequests;
     use crate::store::StoreClock;
 
     const AT: Duration = Duration::from_secs(1000);

@@ -8,7 +8,6 @@
 //! Sessions share the memory for it. None may have more than a part of what the others leave free, so that
 //! there is always some for one that has had none.
 
-mod sealed;
 #[cfg(test)]
 mod tests;
 
