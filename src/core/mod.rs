@@ -14,6 +14,7 @@ mod making;
 mod object_rows;
 pub(crate) mod reading;
 pub(crate) mod record;
+mod rewriting;
 pub(crate) mod session;
 mod simulations;
 mod slots;

@@ -13,7 +13,6 @@ use crate::core::record::{Anchor, Append, Checkpoint, Part, Pending, Record};
 use crate::core::session::answer::Answer;
 use crate::core::session::error::SessionError;
 use crate::core::session::receipt::Receipts;
-use crate::core::session::simulation::Simulation;
 use crate::core::{Effect, Verdict, World};
 use crate::store::StoreError;
 
@@ -27,21 +26,21 @@ const LONGEST_BACKLOG: usize = 65_536;
 #[derive(Default)]
 pub(crate) struct Storage {
     /// Why it can't be written to.
-    failure: Option<StoreError>,
+    pub(super) failure: Option<StoreError>,
     /// Sessions that it may hold wrongly.
-    spoiled: BTreeSet<u64>,
+    pub(super) spoiled: BTreeSet<u64>,
     /// Sessions that are being written anew: how far they had come by their records, and by what is written.
-    rewriting: Option<BTreeMap<u64, Option<[Anchor; 2]>>>,
+    pub(super) rewriting: Option<BTreeMap<u64, Option<[Anchor; 2]>>>,
     /// Rejections that were heard of.
-    heard: u64,
-    next_attempt: Option<Instant>,
+    pub(super) heard: u64,
+    pub(super) next_attempt: Option<Instant>,
     /// Appends that nothing has been heard of.
-    under_way: usize,
+    pub(super) under_way: usize,
     /// Positions of sessions, first and last, that were taken back. Requests that wait for them are refused when
     /// the session is back, so that a client that reads then never sees what was not stored.
-    taken_back: BTreeMap<u64, Vec<TakenBack>>,
+    pub(super) taken_back: BTreeMap<u64, Vec<TakenBack>>,
     /// Nobody is left who would commit anything.
-    dead: bool,
+    pub(super) dead: bool,
 }
 
 type TakenBack = (Arc<Receipts>, (u64, u64), SessionError);
@@ -121,14 +120,6 @@ impl World {
     /// Tells everybody who waits until something is durable why it never will be.
     pub(crate) fn end_receipts(&self, why: &SessionError) {
         self.records.values().for_each(|record| record.receipts().end(why));
-    }
-
-    /// Has the journal try again what has failed, where it is time for that.
-    pub(crate) fn retry_rewriting(&mut self) {
-        let due = self.storage.next_attempt.is_some_and(|next| next <= self.now.instant);
-        if due && self.storage.rewriting.is_none() {
-            self.rewrite();
-        }
     }
 
     /// Takes in what the journal says.
@@ -242,7 +233,7 @@ impl World {
         }
     }
 
-    fn fail(&mut self, failure: &StoreError) {
+    pub(super) fn fail(&mut self, failure: &StoreError) {
         let gone = |failure: &StoreError| matches!(failure, StoreError::Gone(_));
         let before = self.storage.failure.replace(failure.clone());
         self.vitals.store.set_gone(gone(failure));
@@ -252,64 +243,6 @@ impl World {
         }
         let next = self.storage.next_attempt;
         self.storage.next_attempt = next.or_else(|| self.now.instant.checked_add(RETRY));
-    }
-
-    /// Has the beginning of this life written: where each session stands.
-    pub(crate) fn begin_record(&mut self, begun: Vec<(u64, Vec<Part>)>) {
-        self.storage.rewriting = Some(begun.iter().map(|(key, _)| (*key, None)).collect());
-        self.have_written(begun);
-    }
-
-    /// Has everything written anew that the store may hold wrongly.
-    pub(crate) fn rewrite(&mut self) {
-        self.storage.next_attempt = None;
-        let (mut sessions, mut rewriting) = (Vec::new(), BTreeMap::new());
-        for key in std::mem::take(&mut self.storage.spoiled) {
-            let Some(record) = self.records.get(&key).filter(|record| record.exists) else {
-                sessions.push((key, vec![Part::Delete]));
-                rewriting.insert(key, None);
-                continue;
-            };
-            let mut stored = record.stored.clone();
-            let here = |sim: &&Simulation| sim.log.next() == stored.next() && sim.replay.is_none();
-            if let Some(simulation) = self.simulations.get(&key).filter(here) {
-                stored.anchor = simulation.anchor();
-            }
-            sessions.push((key, stored.parts()));
-            rewriting.insert(key, Some([record.stored.anchor, stored.anchor]));
-        }
-        self.storage.rewriting = Some(rewriting);
-        self.have_written(sessions);
-    }
-
-    fn have_written(&mut self, sessions: Vec<(u64, Vec<Part>)>) {
-        let (heartbeat, heard) = (self.heartbeat(), self.storage.heard);
-        self.effects.push(Effect::Rewrite { sessions, heartbeat, heard });
-    }
-
-    fn rewritten(&mut self, result: Result<(), StoreError>) {
-        let rewriting = self.storage.rewriting.take().unwrap_or_default();
-        if let Err(failure) = result {
-            self.storage.spoiled.extend(rewriting.into_keys());
-            self.fail(&failure);
-            return;
-        }
-        for (key, anchors) in rewriting {
-            if let Some([before, written]) = anchors
-                && let Some(record) = self.records.get_mut(&key)
-                && record.stored.anchor == before
-            {
-                record.stored.anchor = written;
-            }
-        }
-        // What has come meanwhile is written next.
-        let more = !self.storage.spoiled.is_empty();
-        self.storage.next_attempt = more.then_some(self.now.instant);
-        if self.storage.failure.take().is_some() {
-            info!("the store can be written to again; changes are taken");
-            self.vitals.store.set_gone(false);
-            self.vitals.store.set_healthy(true);
-        }
     }
 
     /// Hands a checkpoint over that was made of a session's snapshot.

@@ -8,6 +8,7 @@
 
 mod begin;
 mod durability;
+mod effects;
 mod manual;
 mod pace;
 mod thread;

@@ -8,17 +8,16 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use firn_engine::frame::{Backend, EngineError, Frame, Outcome};
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use firn_engine::frame::{Backend, EngineError, Outcome};
 use tokio::sync::mpsc;
 use tracing::{error, warn};
 
 use crate::core::device::{DEVICE_FAILED, stopped};
-use crate::core::reading::Wanted;
 use crate::core::session::clock::FRAME_RATE;
 use crate::core::vitals::{FrameTime, Vitals};
 use crate::core::{Effect, Fault, Input, Now, World};
 use crate::driver::OpenBackend;
+use crate::driver::effects::Lap;
 use crate::driver::pace::Pace;
 use crate::journal::Journal;
 use crate::journal::keyed::KeyedRequests;
@@ -27,9 +26,6 @@ use crate::store::StoreClock;
 
 /// Requests that are taken in before a frame, so that beats are not missed.
 const TAKEN_AT_ONCE: usize = 4096;
-
-/// Longest wait for the device at a time.
-const PATIENCE: Duration = Duration::from_millis(100);
 
 /// Time between two looks at the core while there are no beats.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(50);
@@ -188,91 +184,6 @@ impl Thread {
         true
     }
 
-    /// Carries out what the core wants done.
-    ///
-    /// # Errors
-    /// Those of the device.
-    fn carry_out(&mut self) -> Result<(), EngineError> {
-        while let Some(effect) = self.effects.pop_front() {
-            match effect {
-                Effect::Make { slot, made } => {
-                    let result = self.backend.take_in(slot, made);
-                    self.inputs.push_back(Input::Made { slot, result });
-                }
-                Effect::Free(slot) => self.backend.release(slot),
-                Effect::Submit(frame) => {
-                    self.journal.send();
-                    self.outcome = Some(self.carry_out_frame(frame)?);
-                }
-                Effect::OpenDevice => {
-                    let is_open = self.reopen();
-                    self.inputs.push_back(Input::Opened(is_open));
-                }
-                Effect::Read(wave) => self.read(wave),
-                Effect::Append(append) => self.journal.add(append),
-                Effect::Heartbeat(heartbeat) => self.journal.beat(heartbeat),
-                Effect::Rewrite { sessions, heartbeat, heard } => {
-                    self.journal.rewrite(sessions, heartbeat, heard);
-                }
-                Effect::Pack(job) => self.journal.checkpoint(job),
-                Effect::Forget(keys) => keys.iter().for_each(|key| self.keyed.forget(key)),
-                Effect::Recovered => self.next_beat = machine::now(),
-                Effect::GiveUp => {
-                    self.vitals.give_up();
-                    self.end = Some(End::Over);
-                }
-                Effect::Stopped => self.end = Some(End::Over),
-            }
-        }
-        self.journal.send();
-        self.vitals.memory.store(self.backend.memory(), Ordering::Relaxed);
-        Ok(())
-    }
-
-    /// Has the device carry a frame out.
-    fn carry_out_frame(&mut self, frame: Frame) -> Result<(Outcome, FrameTime), EngineError> {
-        let mut lap = Lap(machine::now());
-        let mut time = FrameTime { sessions: frame.work.len() as u32, ..FrameTime::default() };
-        self.backend.submit(frame)?;
-        time.parts.submitting = lap.next();
-        let outcome = loop {
-            if let Some(outcome) = self.backend.poll(PATIENCE)? {
-                break outcome;
-            }
-        };
-        self.vitals.note_stages(&self.backend.stage_times()?);
-        time.parts.waiting = lap.next();
-        Ok((outcome, time))
-    }
-
-    /// Opens the device anew. Returns whether it is open.
-    fn reopen(&mut self) -> bool {
-        match catch_unwind(AssertUnwindSafe(|| (self.open)())) {
-            Ok(Ok(backend)) => {
-                // The old one is dropped here; what it says about that is nobody's business.
-                let old = std::mem::replace(&mut self.backend, backend);
-                let _ = catch_unwind(AssertUnwindSafe(|| drop(old)));
-                return true;
-            }
-            Ok(Err(failure)) => warn!("opening the device: {failure}"),
-            Err(_) => warn!("opening the device panicked"),
-        }
-        false
-    }
-
-    /// Has stored sessions read on another thread, several at a time.
-    fn read(&self, wave: Vec<Wanted>) {
-        let (maker, mailbox) = (self.backend.maker(), self.mailbox.clone());
-        let work = move || {
-            let read = wave.into_par_iter().map(|wanted| wanted.read(maker)).collect();
-            // Where the world has ended, nobody waits for it.
-            if let Some(mailbox) = mailbox.upgrade() {
-                let _ = mailbox.blocking_send(Input::Read(read));
-            }
-        };
-        machine::aside(Box::new(work), |work| drop(self.runtime.spawn_blocking(work)));
-    }
-
     /// When there is something to do at the latest.
     pub fn due(&self) -> Instant {
         let look = machine::now() + BETWEEN_LOOKS;
@@ -343,15 +254,5 @@ impl Thread {
         }
         self.journal.stop();
         self.world.end_receipts(&stopped());
-    }
-}
-
-/// Takes the times from one moment to the next.
-struct Lap(Instant);
-
-impl Lap {
-    fn next(&mut self) -> Duration {
-        let now = machine::now();
-        now.duration_since(std::mem::replace(&mut self.0, now))
     }
 }

@@ -6,6 +6,8 @@ mod entry;
 mod fold;
 mod lock;
 mod log;
+#[expect(clippy::module_inception, reason = "it holds the record itself")]
+mod record;
 mod replay;
 mod stored;
 mod weight;
@@ -17,6 +19,7 @@ pub(crate) use entry::{Checkpoint, Entry, Head, Identity};
 pub(crate) use fold::Fold;
 pub(crate) use lock::Lock;
 pub(crate) use log::{Left, Log, Taken};
+pub(crate) use record::{Append, Part, Pending, Record};
 pub(crate) use replay::Replay;
-pub(crate) use stored::{Append, Part, Pending, Record, Stored};
+pub(crate) use stored::Stored;
 pub(crate) use weight::{Weight, bytes_of, heap_bytes};
