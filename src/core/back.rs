@@ -141,17 +141,9 @@ impl World {
     }
 
     /// Begins the replay of a session that there is room for.
-    pub(crate) fn begin_replay(
-        &mut self,
-        key: u64,
-        life: u64,
-        snapshot: Option<Box<Snapshot>>,
-        room: Room,
-    ) {
+    pub(crate) fn begin_replay(&mut self, key: u64, snapshot: Option<Box<Snapshot>>, room: Room) {
         let Room { slot, object_rows, units } = room;
-        let is_awaited = self.comes_back(key, life, Stage::Making);
-        let (Some(coming), Some(record)) =
-            (self.coming.get_mut(&key).filter(|_| is_awaited), self.records.get(&key))
+        let (Some(coming), Some(record)) = (self.coming.get_mut(&key), self.records.get(&key))
         else {
             return self.free(slot);
         };
@@ -162,7 +154,7 @@ impl World {
         let log = Log::resumed(record, &stored, self.now.instant);
         let mut simulation = Simulation::new(session, slot, self.frame, log, object_rows);
         simulation.brought_back = !at_start;
-        if !self.vitals.is_recovered() {
+        if !self.recovered {
             simulation.portions = Portions::for_replay();
         }
         simulation.portions.furnish(units);
@@ -173,7 +165,7 @@ impl World {
     }
 
     /// Whether a session is on its way back in one of its lives, and so far.
-    fn comes_back(&self, key: u64, life: u64, stage: Stage) -> bool {
+    pub(super) fn comes_back(&self, key: u64, life: u64, stage: Stage) -> bool {
         self.records.get(&key).is_some_and(|record| record.life == life)
             && self.coming.get(&key).is_some_and(|coming| coming.stage == stage)
     }
@@ -279,12 +271,13 @@ impl World {
 
     /// Notes that all are back that outlived the last stop, once they are.
     fn recover(&mut self) {
-        if self.vitals.is_recovered() || self.coming.values().any(|coming| coming.at_start) {
+        if self.recovered || self.coming.values().any(|coming| coming.at_start) {
             return;
         }
         let took = self.now.instant.saturating_duration_since(self.began);
-        info!("{} sessions are back after {took:.1?}", self.names.count());
+        info!("{} sessions are back after {took:.1?}", self.records.len());
         self.vitals.store.recovered(took);
+        self.recovered = true;
         self.vitals.recovered.store(true, Ordering::Release);
         self.effects.push(Effect::Recovered);
     }

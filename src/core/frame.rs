@@ -13,7 +13,7 @@ use crate::core::session::gather::MOST_SAMPLES;
 use crate::core::session::simulation::Simulation;
 use crate::core::session::turn::Turn;
 use crate::core::simulations::Simulations;
-use crate::core::{Effect, Now, World};
+use crate::core::{Effect, Job, Now, World};
 
 /// A frame that the backend has.
 pub(crate) struct InFlight {
@@ -35,7 +35,7 @@ impl World {
             slipped_us: &self.vitals.slipped_us,
         };
         // Nobody waits where all of them come back or are saved.
-        let take_turns = self.vitals.is_recovered() && self.stop.is_none();
+        let take_turns = self.recovered && self.stop.is_none();
         let Planned { work, places, idle, failed, waiting } =
             plan(&mut self.simulations, self.executor, turn, take_turns);
         self.vitals.waits.fetch_add(waiting.over_share + waiting.for_others, Ordering::Relaxed);
@@ -75,6 +75,20 @@ impl World {
             self.review(key);
         }
         self.end_frame(beat);
+    }
+
+    /// Hands what a frame has left of a session to the journal.
+    fn hand_over(&mut self, key: u64, left: Left) {
+        if let Some(append) = left.append {
+            self.submit(append, Vec::new());
+        }
+        if let Some(simulation) = self.simulations.get(&key) {
+            let ticks = simulation.log.ticks();
+            self.simulations.set_ticking(key, ticks);
+        }
+        if let Some((life, base, taken)) = left.checkpoint {
+            self.effects.push(Effect::Pack(Job { key, life, base, taken }));
+        }
     }
 
     /// What follows each frame.

@@ -6,6 +6,7 @@ use firn_engine::frame::{EngineError, Slot};
 use firn_engine::made::Made;
 use tracing::{error, warn};
 
+use crate::core::back::Stage;
 use crate::core::device::DEVICE_FAILED;
 use crate::core::object_rows::ObjectRows;
 use crate::core::record::Done;
@@ -83,6 +84,14 @@ impl World {
     pub(crate) fn made(&mut self, slot: Slot, result: Result<u64, EngineError>) {
         let Some(Making { object_rows, of }) = self.making.remove(&slot) else { return };
         self.busy = true;
+        if let Of::Return { key, life, .. } = of
+            && !self.comes_back(key, life, Stage::Making)
+        {
+            if result.is_ok() {
+                self.free(slot);
+            }
+            return;
+        }
         let room = match result {
             Ok(units) => Room { slot, object_rows, units },
             Err(failure) => {
@@ -92,7 +101,7 @@ impl World {
         };
         match of {
             Of::Creation(creation) => self.begin_session(creation, room),
-            Of::Return { key, life, snapshot } => self.begin_replay(key, life, snapshot, room),
+            Of::Return { key, snapshot, .. } => self.begin_replay(key, snapshot, room),
         }
     }
 

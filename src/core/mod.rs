@@ -9,7 +9,6 @@ pub(crate) mod begin;
 pub(crate) mod device;
 mod frame;
 mod inputs;
-mod mail;
 mod making;
 mod object_rows;
 pub(crate) mod reading;
@@ -65,9 +64,6 @@ pub(crate) trait Directory: Send + Sync {
 
     /// A session is no more.
     fn forget(&self, session: &Outlet);
-
-    /// How many names are taken.
-    fn count(&self) -> usize;
 }
 
 /// When a step happens.
@@ -111,7 +107,7 @@ pub(crate) enum Input {
     Break(Fault),
 }
 
-/// What is done of a session at once, wherever its snow is.
+/// What is begun of a session at once, wherever its snow is and whatever waits in its inbox.
 pub(crate) enum Control {
     Delete(Answer<()>),
     Tokens(TokenHashes, Answer<()>),
@@ -196,6 +192,6 @@ pub(crate) struct Job {
 pub enum Fault {
     /// The device is lost, as when its driver crashes.
     LoseDevice,
-    /// The engine's thread panics.
+    /// The world's thread panics.
     Panic,
 }

@@ -4,17 +4,16 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use firn_engine::frame::cell_bytes;
-use firn_engine::reserve::ask_for;
 use firn_protocol::Settings;
 use tracing::{debug, info, warn};
 
 use crate::core::inputs::gone;
-use crate::core::record::{Left, Part, Record};
+use crate::core::record::{Part, Record};
 use crate::core::session::answer::Answer;
 use crate::core::session::error::SessionError;
 use crate::core::session::outlet::Outlet;
 use crate::core::session::simulation::Simulation;
-use crate::core::{Effect, Job, World};
+use crate::core::{Effect, World};
 
 /// Sessions of which it is found out in one frame whether they are to be deleted.
 const MOST_ENDS: usize = 256;
@@ -118,8 +117,8 @@ impl World {
             self.schedule(key);
             return;
         }
-        if let Err(error) = ask_for(cell_bytes(&simulation.session.spec.grid)) {
-            warn!(session = simulation.session.id, "no checkpoint for want of memory: {error}");
+        if !(self.has_memory)(cell_bytes(&simulation.session.spec.grid)) {
+            warn!(session = simulation.session.id, "no checkpoint for want of memory");
             self.saves.set(key, self.now.instant.checked_add(RETRY_CHECKPOINT));
             return;
         }
@@ -128,20 +127,6 @@ impl World {
         simulation.next.checkpoint = true;
         self.checkpointing = Some(key);
         self.review(key);
-    }
-
-    /// Hands what a frame has left of a session to the journal.
-    pub(crate) fn hand_over(&mut self, key: u64, left: Left) {
-        if let Some(append) = left.append {
-            self.submit(append, Vec::new());
-        }
-        if let Some(simulation) = self.simulations.get(&key) {
-            let ticks = simulation.log.ticks();
-            self.simulations.set_ticking(key, ticks);
-        }
-        if let Some((life, base, taken)) = left.checkpoint {
-            self.effects.push(Effect::Pack(Job { key, life, base, taken }));
-        }
     }
 
     /// Has sessions go back to what is stored of them.

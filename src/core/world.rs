@@ -1,5 +1,4 @@
-//! The core: what happens to all sessions, step by step. It has no thread, clock, channel or disk of its own:
-//! it is told what has happened, and says what it wants done.
+//! A step: what has happened is taken in, and what is due is done.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -36,6 +35,7 @@ pub(crate) struct World {
     /// What it wants done.
     pub(super) effects: Vec<Effect>,
     pub(super) executor: Executor,
+    pub(super) has_memory: HasMemory,
     pub(super) config: WorldConfig,
     pub(super) checkpoint_interval: Duration,
     /// Whether what is committed outlives the process.
@@ -87,13 +87,19 @@ pub(crate) struct World {
     /// The coming frame has a checkpoint.
     pub(super) saving: bool,
     pub(super) beginning: Beginning,
+    /// All sessions are back that outlived the last stop.
+    pub(super) recovered: bool,
     pub(super) stop: Option<Stop>,
 }
+
+/// Says whether there is memory for so many bytes.
+pub(crate) type HasMemory = fn(u64) -> bool;
 
 /// What a world begins with.
 pub(crate) struct Setup {
     pub now: Now,
     pub executor: Executor,
+    pub has_memory: HasMemory,
     pub config: WorldConfig,
     /// Time after a change until a checkpoint is due.
     pub checkpoint_interval: Duration,
@@ -117,11 +123,12 @@ impl World {
     pub fn new(setup: Setup) -> World {
         let Setup { now, heartbeat, coming, records, .. } = setup;
         // Where nothing was stored nobody was ever told anything.
-        let new = coming.is_empty();
+        let (new, recovered) = (coming.is_empty(), setup.vitals.is_recovered());
         World {
             now,
             effects: Vec::new(),
             executor: setup.executor,
+            has_memory: setup.has_memory,
             config: setup.config,
             checkpoint_interval: setup.checkpoint_interval,
             durable: setup.durable,
@@ -154,6 +161,7 @@ impl World {
             checkpointing: None,
             saving: false,
             beginning: if new { Beginning::OnDisk } else { Beginning::Unwritten },
+            recovered,
             stop: None,
         }
     }
@@ -165,8 +173,12 @@ impl World {
         self.retry_rewriting();
         if self.stop.is_some() {
             self.go_on_stopping();
-        } else if self.has_begun() && self.has_device() {
-            self.do_what_is_due();
+        } else {
+            // Either is to be seen to, whatever the other is.
+            let (has_begun, has_device) = (self.has_begun(), self.has_device());
+            if has_begun && has_device {
+                self.do_what_is_due();
+            }
         }
         effects.extend(self.effects.drain(..));
     }
@@ -218,7 +230,12 @@ impl World {
 
     /// Whether ticks fall on beats: while sessions come back after a start nobody's time passes.
     pub fn has_beats(&self) -> bool {
-        self.beginning == Beginning::OnDisk && self.vitals.is_recovered() && self.device.is_open()
+        self.beginning == Beginning::OnDisk && self.recovered && self.device.is_open()
+    }
+
+    /// Whether a beat has been told that is not counted yet: another one would be lost.
+    pub fn owes_a_beat(&self) -> bool {
+        self.beat_due
     }
 
     /// Counts a beat. Returns whether publications are due with it.

@@ -8,9 +8,72 @@ use tracing::{info, warn};
 use crate::core::back::Coming;
 use crate::core::begin::begin_epoch;
 use crate::core::record::{Heartbeat, Record, Stored};
+use crate::driver::{Durability, StartError};
+use crate::journal::{Assembled, assemble, migrate};
 use crate::machine;
 use crate::session::handle::Session;
 use crate::session::registry::Sessions;
+use crate::store::{Damage, Format, Loaded, StoreClock};
+
+/// What outlived the last server.
+pub(crate) struct Outlived {
+    pub sessions: BTreeMap<u64, Stored>,
+    /// How far it had come.
+    pub heartbeat: Heartbeat,
+    /// The lowest key that no session has had.
+    pub next_key: u64,
+    /// The store's own clock.
+    pub clock: StoreClock,
+    /// Sessions that are lost.
+    pub lost: usize,
+    /// Whether the store was damaged.
+    pub damaged: bool,
+}
+
+/// Reads the store. What is damaged, or of the first format, is put into a new file.
+///
+/// # Errors
+/// Where it can't be read, or all is lost that it held.
+pub(crate) fn read_store(durability: &mut Durability) -> Result<Outlived, StartError> {
+    let Loaded { rows, next_key, clock, format, damage } = durability.store.load()?;
+    let (rows, mut broken) = match format {
+        Format::First => migrate(rows),
+        Format::Present => (rows, Vec::new()),
+    };
+    // What is in the file is not to be written into.
+    let replacement = (format == Format::First || damage.is_some()).then(|| rows.clone());
+    let Assembled { sessions, broken: parted, heartbeat } = assemble(rows);
+    broken.extend(parted);
+    let lost = tell_of_damage(damage.as_ref(), &broken, &sessions, durability.accept_loss)?;
+    if let Some(rows) = replacement {
+        durability.store.take_over(&rows)?;
+    }
+    Ok(Outlived { sessions, heartbeat, next_key, clock, lost, damaged: damage.is_some() })
+}
+
+/// Tells of what is lost. Returns how many sessions are.
+///
+/// # Errors
+/// [`StartError::Lost`] where that is everything, and is not accepted.
+fn tell_of_damage(
+    damage: Option<&Damage>,
+    broken: &[String],
+    stored: &BTreeMap<u64, Stored>,
+    accepted: bool,
+) -> Result<usize, StartError> {
+    for what in broken {
+        warn!("can't be brought back: {what}");
+    }
+    let Some(Damage { what, missing }) = damage else { return Ok(broken.len()) };
+    for key in missing {
+        warn!("can't be brought back: a session of which nothing was found (key {key})");
+    }
+    if stored.is_empty() && !accepted {
+        return Err(StartError::Lost(what.clone()));
+    }
+    warn!("the store: {what}; its newest changes may be missing");
+    Ok(broken.len() + missing.len())
+}
 
 /// A number that tells devices apart that may give other snow.
 pub(crate) fn fingerprint(device: &DeviceInfo) -> u64 {

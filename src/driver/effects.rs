@@ -70,7 +70,6 @@ impl Thread {
                 break outcome;
             }
         };
-        self.vitals.note_stages(&self.backend.stage_times()?);
         time.parts.waiting = lap.next();
         Ok((outcome, time))
     }

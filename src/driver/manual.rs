@@ -28,7 +28,8 @@ impl ManualWorld {
         Ok((sessions, ManualWorld(driver), ManualJournal(workers)))
     }
 
-    /// Takes in what has arrived, and does a frame. False means that the world is at its end.
+    /// Takes in what the last frame has done and what has arrived, and does the next frame. False means that
+    /// the world is at its end.
     pub fn turn(&mut self) -> bool {
         self.0.turn(None);
         self.0.end != Some(End::Over)

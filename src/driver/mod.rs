@@ -13,7 +13,7 @@ mod manual;
 mod pace;
 mod thread;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
@@ -21,21 +21,19 @@ use std::time::{Duration, Instant};
 
 use firn_engine::frame::{Backend, EngineError};
 use firn_engine::parallel::Executor;
+use firn_engine::reserve::ask_for;
 use tokio::sync::mpsc;
-use tracing::warn;
 
-use crate::core::record::Stored;
 use crate::core::vitals::Vitals;
 use crate::core::world::Setup;
 use crate::core::{Input, Now, World};
 use crate::journal::keyed::KeyedRequests;
-use crate::journal::{Assembled, Journal, Workers, assemble, migrate};
+use crate::journal::{Journal, Workers};
 use crate::machine;
 use crate::session::Names;
 use crate::session::registry::{DECODED_AT_ONCE, Sessions};
-use crate::store::{Damage, Format, Loaded};
 
-use begin::{bring_back, fingerprint};
+use begin::{Outlived, bring_back, fingerprint, read_store};
 use pace::Pace;
 use thread::Thread;
 
@@ -103,28 +101,15 @@ impl Driver {
         mut durability: Durability,
     ) -> Result<(Sessions, Thread, Workers), StartError> {
         let backend = open()?;
-        let loaded = durability.store.load()?;
-        let Loaded { rows, next_key, clock, format, damage } = loaded;
-        let (rows, mut broken) = match format {
-            Format::First => migrate(rows),
-            Format::Present => (rows, Vec::new()),
-        };
-        // Whatever is in the file is not to be written into.
-        let replacement = (format == Format::First || damage.is_some()).then(|| rows.clone());
-        let Assembled { sessions: stored, broken: parted, heartbeat } = assemble(rows);
-        broken.extend(parted);
-        let frame = heartbeat.frame;
-        let lost = tell_of_damage(damage.as_ref(), &broken, &stored, durability.accept_loss)?;
-        if let Some(rows) = replacement {
-            durability.store.take_over(&rows)?;
-        }
+        let Outlived { sessions: stored, heartbeat, next_key, clock, lost, damaged } =
+            read_store(&mut durability)?;
         let (send, inbox) = mpsc::channel(INBOX);
         let names = Arc::new(Names::default());
-        let frames = Arc::new(AtomicU64::new(frame));
+        let frames = Arc::new(AtomicU64::new(heartbeat.frame));
         let vitals = Arc::new(Vitals::new(backend.device().clone(), backend.memory()));
         vitals.recovered.store(stored.is_empty(), Ordering::Relaxed);
         vitals.store.lost(lost);
-        if damage.is_some() {
+        if damaged {
             vitals.store.damaged();
         }
         let keyed = Arc::new(KeyedRequests::by(clock.clone()));
@@ -151,6 +136,7 @@ impl Driver {
         let world = World::new(Setup {
             now: Now { instant: machine::now(), stored: clock.now() },
             executor: Executor::Threads,
+            has_memory: |bytes| ask_for(bytes).is_ok(),
             config,
             checkpoint_interval: durability.checkpoint_interval,
             durable: journal.durable,
@@ -196,28 +182,4 @@ impl Driver {
         let _ = self.inbox.blocking_send(Input::Stop(deadline));
         let _ = self.thread.join();
     }
-}
-
-/// Tells of what is lost. Returns how many sessions are.
-///
-/// # Errors
-/// [`StartError::Lost`] where that is everything, and is not accepted.
-fn tell_of_damage(
-    damage: Option<&Damage>,
-    broken: &[String],
-    stored: &BTreeMap<u64, Stored>,
-    accepted: bool,
-) -> Result<usize, StartError> {
-    for what in broken {
-        warn!("can't be brought back: {what}");
-    }
-    let Some(Damage { what, missing }) = damage else { return Ok(broken.len()) };
-    for key in missing {
-        warn!("can't be brought back: a session of which nothing was found (key {key})");
-    }
-    if stored.is_empty() && !accepted {
-        return Err(StartError::Lost(what.clone()));
-    }
-    warn!("the store: {what}; its newest changes may be missing");
-    Ok(broken.len() + missing.len())
 }

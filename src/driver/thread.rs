@@ -117,6 +117,7 @@ impl Thread {
         }
         self.carry_out()?;
         if let Some(frame) = ended {
+            self.vitals.note_stages(&self.backend.stage_times()?);
             let parts = frame.parts;
             let took = parts.planning + parts.submitting + parts.waiting + parts.concluding;
             self.vitals.note(FrameTime { took, ..frame });
@@ -169,7 +170,8 @@ impl Thread {
     /// Tells of a beat where one is due. Returns whether that was so.
     fn beat(&mut self) -> bool {
         let now = machine::now();
-        if now < self.next_beat || !self.world.has_beats() || self.end.is_some() {
+        let takes_it = self.world.has_beats() && !self.world.owes_a_beat() && self.end.is_none();
+        if now < self.next_beat || !takes_it {
             return false;
         }
         let beat = Duration::from_secs_f64(1.0 / FRAME_RATE);
@@ -236,11 +238,7 @@ impl Thread {
     pub fn stop(mut self, until: Instant) {
         self.inputs.push_back(Input::Stop(until));
         self.end = Some(End::Stopping);
-        while self.end != Some(End::Over) {
-            let _ = self.wait();
-            self.turn(None);
-        }
-        self.close();
+        self.run();
     }
 
     /// Refuses everything from here on, and writes what is left to be written.

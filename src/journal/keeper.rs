@@ -92,7 +92,7 @@ impl StoreKeeper {
         let (tasks, turn) = self.begin()?;
         let moment = ask(tasks, Errand::Moment).await?;
         beside("verify", turn, move |_turn| {
-            let verified = verify(&moment);
+            let verified = moment.check_memory().and_then(|()| verify(&moment));
             drop(moment);
             verified
         })

@@ -19,6 +19,7 @@ use std::time::Duration;
 use tokio::sync::OnceCell;
 
 use crate::core::record::{Done, Hash, LIFETIME, OVERHEAD, Once, is_over};
+use crate::journal::rows::row_of;
 use crate::store::{Row, StoreClock};
 
 /// Most bytes of all that HTTP has begun.
@@ -209,6 +210,11 @@ impl KeyedRequests {
         std::mem::take(&mut table.over)
     }
 
+    /// Notes that rows are still to be removed.
+    pub(crate) fn put_back(&self, rows: Vec<Row>) {
+        self.lock().over.extend(rows);
+    }
+
     /// What was done, if it was.
     pub(crate) fn find(&self, key: &Hash) -> Option<Arc<Done>> {
         let (now, table) = (self.now(), self.lock());
@@ -261,7 +267,7 @@ impl Table {
             && is_over(since, now)
         {
             let done = self.remove(&key).and_then(|entry| entry.done);
-            self.over.extend(done.map(|(session, done)| done.row(session)));
+            self.over.extend(done.map(|(session, done)| row_of(session, &done)));
         }
     }
 }

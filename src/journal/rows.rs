@@ -1,6 +1,6 @@
 //! What is made durable of sessions, as rows.
 
-use crate::core::record::{Head, Heartbeat, Part};
+use crate::core::record::{Done, Head, Heartbeat, Part};
 use crate::store::{Kind, Row, Write};
 
 /// The row that says how far the world has come. Sessions have keys that are counted from 0.
@@ -34,7 +34,7 @@ pub(crate) fn write(session: u64, parts: &[Part], writes: &mut Vec<Write>) {
                 writes.push(Write::Put(row(Kind::Checkpoint, 0), checkpoint.encode()));
                 writes.push(Write::RemoveEntries { session, before });
             }
-            Part::Done(done) => writes.push(Write::Put(done.row(session), json(&**done))),
+            Part::Done(done) => writes.push(Write::Put(row_of(session, done), json(&**done))),
             Part::Lock(lock) => writes.push(match lock {
                 Some(lock) => Write::Put(row(Kind::Lock, 0), json(lock)),
                 None => Write::Remove(row(Kind::Lock, 0)),
@@ -42,6 +42,12 @@ pub(crate) fn write(session: u64, parts: &[Part], writes: &mut Vec<Write>) {
             Part::Delete => writes.push(Write::RemoveSession(session)),
         }
     }
+}
+
+/// The row of what was done for a request with a key.
+pub(crate) fn row_of(session: u64, done: &Done) -> Row {
+    let (first, _) = done.key.split_first_chunk().expect("32 bytes");
+    Row { session, kind: Kind::Answer, number: u64::from_be_bytes(*first) }
 }
 
 /// The row of a heartbeat.

@@ -173,14 +173,17 @@ impl Writer {
         if !self.store.is_durable() {
             return Ok(());
         }
-        let mut writes: Vec<Write> = over.into_iter().map(Write::Remove).collect();
+        let mut writes: Vec<Write> = over.iter().copied().map(Write::Remove).collect();
         batch.iter().for_each(|append| write(append.key, &append.parts, &mut writes));
         writes.extend(self.heartbeat.map(beat));
         if writes.is_empty() {
             return Ok(());
         }
         let began = machine::now();
-        self.store.commit(&writes)?;
+        if let Err(failure) = self.store.commit(&writes) {
+            self.keyed.put_back(over);
+            return Err(failure);
+        }
         self.heartbeat = None;
         self.vitals.committed(machine::since(began));
         Ok(())

@@ -174,6 +174,11 @@ impl Names {
         self.write().returning.insert(session.key, Arc::new(session));
     }
 
+    /// How many names are taken.
+    pub(crate) fn count(&self) -> usize {
+        self.read().entries.len()
+    }
+
     /// A session by its name.
     pub(crate) fn get(&self, id: &str) -> Option<Arc<Session>> {
         self.read().entries.get(id).and_then(|entry| entry.session.clone())
@@ -224,10 +229,6 @@ impl Directory for Names {
         }
         // Before anybody else has the table: who keeps a place for it looks at this.
         session.gone.cancel();
-    }
-
-    fn count(&self) -> usize {
-        self.read().entries.len()
     }
 }
 

@@ -16,7 +16,7 @@ use crate::core::session::simulation::Simulation;
 use crate::core::session::spec::Limits;
 use crate::core::snapshot::Snapshot;
 use crate::core::vitals::Vitals;
-use crate::core::{Control, Creation, Directory, Fault, Input};
+use crate::core::{Control, Creation, Fault, Input};
 use crate::journal::StoreKeeper;
 use crate::journal::keyed::KeyedRequests;
 use crate::session::handle::Session;

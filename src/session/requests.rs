@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 use firn_engine::frame::TileCells;
 use firn_protocol::{ColumnView, MassView, SessionView, StepSpec};
 use firn_snow::ColumnRect;
+use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
 
 use crate::core::device::stopped;
@@ -242,8 +243,14 @@ impl Drop for EndStep<'_> {
     fn drop(&mut self) {
         if !self.ended {
             let (key, control) = (self.session.key, Control::EndStep(self.number));
-            // Where the queue is full it goes on to its end.
-            let _ = self.session.world.try_send(Input::Control { key, control });
+            let sent = self.session.world.try_send(Input::Control { key, control });
+            // Where the queue is full it is told as soon as there is room.
+            if let Err(mpsc::error::TrySendError::Full(input)) = sent
+                && let Ok(runtime) = Handle::try_current()
+            {
+                let world = self.session.world.clone();
+                runtime.spawn(async move { world.send(input).await });
+            }
         }
     }
 }

@@ -157,8 +157,9 @@ pub fn link_or_copy(from: &Path, to: &Path) -> io::Result<()> {
     match fs::hard_link(from, to) {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => {
             let mut copy = OpenOptions::new().write(true).create_new(true).open(to)?;
-            io::copy(&mut File::open(from)?, &mut copy)?;
-            copy.sync_all()
+            let copied = io::copy(&mut File::open(from)?, &mut copy).and_then(|_| copy.sync_all());
+            // A part of it is worse than nothing.
+            copied.inspect_err(|_| drop(fs::remove_file(to)))
         }
         done => done,
     }

@@ -10,6 +10,8 @@ use redb::{
     ReadableTableMetadata, TableDefinition, TableError,
 };
 
+use firn_engine::reserve::ask_for;
+
 use super::directory::{Directory, new_file};
 use super::frame::{self, HEAD, Head};
 use super::open::builder;
@@ -196,6 +198,21 @@ impl Moment {
             faults.push(Fault { row: frame::row(head), what: what.to_owned() });
         }
         Ok(length)
+    }
+
+    /// Makes sure that there is memory to read all of it, as rows and as what they hold.
+    ///
+    /// # Errors
+    /// Where there is not.
+    pub fn check_memory(&self) -> Result<(), StoreError> {
+        let Some(directory) = &self.directory else { return Ok(()) };
+        let bytes = directory.length().map_err(failed)?;
+        ask_for(bytes.saturating_mul(2)).map_err(|error| {
+            failed(format!(
+                "there is no memory to read the {bytes} bytes of the store beside all else: {error}; verify a \
+                 backup of it on another machine"
+            ))
+        })
     }
 
     /// Copies all of it into a new file in the data directory. The file has no name: it is gone as soon as nobody

@@ -197,23 +197,22 @@ impl RedbStore {
         })
     }
 
-    /// Changes the file. Where that fails it is closed: redb gives up on a file after an error, by its own
+    /// Does something with the file. Where that fails it is closed: redb gives up on a file after an error, by its own
     /// word or by a panic.
-    fn attempt(
+    fn attempt<T>(
         &mut self,
-        change: impl FnOnce(&mut RedbStore) -> Result<(), redb::Error>,
-    ) -> Result<(), StoreError> {
-        let changed = catch_unwind(AssertUnwindSafe(|| change(self)));
-        let changed = match changed {
-            Ok(changed) => changed.map_err(failed),
-            Err(_) => Err(failed("writing to the store panicked")),
+        act: impl FnOnce(&mut RedbStore) -> Result<T, redb::Error>,
+    ) -> Result<T, StoreError> {
+        let done = match catch_unwind(AssertUnwindSafe(|| act(self))) {
+            Ok(done) => done.map_err(failed),
+            Err(_) => Err(failed("using the store panicked")),
         };
-        if changed.is_err() {
+        if done.is_err() {
             let database = self.database.take();
             // Closing it may fail as writing did.
             let _ = catch_unwind(AssertUnwindSafe(|| drop(database)));
         }
-        changed
+        done
     }
 
     /// The directory of a file that is sound.
@@ -304,8 +303,7 @@ impl Store for RedbStore {
     fn moment(&mut self) -> Result<Moment, StoreError> {
         let directory = self.sound_directory()?;
         self.check()?;
-        let database = self.database().map_err(failed)?;
-        Moment::of(database, Some(directory)).map_err(failed)
+        self.attempt(|store| Moment::of(store.database()?, Some(directory)))
     }
 
     fn compact(&mut self) -> Result<Compacted, StoreError> {

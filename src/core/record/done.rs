@@ -7,7 +7,6 @@ use firn_protocol::{ClearingReply, ColliderReply, SnowfallReply, Stamp};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::change::Applied;
-use crate::store::{Kind, Row};
 
 /// Time for which a request is known, by the store's clock.
 pub(crate) const LIFETIME: Duration = Duration::from_secs(600);
@@ -77,12 +76,6 @@ impl Done {
     pub fn new(once: &Once, result: DoneResult, at: Duration) -> Done {
         let at_ms = u64::try_from(at.as_millis()).unwrap_or(u64::MAX);
         Done { key: once.key, request: once.request, at_ms, result }
-    }
-
-    /// The row that holds it, in the session of a key.
-    pub fn row(&self, session: u64) -> Row {
-        let (first, _) = self.key.split_first_chunk().expect("32 bytes");
-        Row { session, kind: Kind::Answer, number: u64::from_be_bytes(*first) }
     }
 
     /// When it was done, by the store's clock.

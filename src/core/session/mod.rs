@@ -3,7 +3,6 @@
 pub(crate) mod answer;
 pub(crate) mod apply;
 pub(crate) mod change;
-pub(crate) mod changes;
 pub(crate) mod charge;
 pub(crate) mod clock;
 pub(crate) mod command;
