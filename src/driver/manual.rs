@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use firn_engine::parallel::Executor;
+
 use crate::core::WorldConfig;
 use crate::driver::thread::{End, Thread};
 use crate::driver::{Driver, Durability, OpenBackend, StartError};
@@ -24,8 +26,9 @@ impl ManualWorld {
         config: WorldConfig,
         durability: Durability,
     ) -> Result<(Sessions, ManualWorld, ManualJournal), StartError> {
-        let (sessions, driver, workers) = Driver::prepare(open, config, durability)?;
-        Ok((sessions, ManualWorld(driver), ManualJournal(workers)))
+        let (sessions, thread, workers) =
+            Driver::prepare(open, config, durability, Executor::OneThread)?;
+        Ok((sessions, ManualWorld(thread), ManualJournal(workers)))
     }
 
     /// Takes in what the last frame has done and what has arrived, and does the next frame. False means that

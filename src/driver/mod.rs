@@ -83,7 +83,8 @@ impl Driver {
         config: WorldConfig,
         durability: Durability,
     ) -> Result<(Sessions, Driver), StartError> {
-        let (sessions, mut world, workers) = Driver::prepare(open, config, durability)?;
+        let (sessions, mut world, workers) =
+            Driver::prepare(open, config, durability, Executor::Threads)?;
         world.journal.start(workers)?;
         let inbox = sessions.world.clone();
         let thread =
@@ -99,6 +100,7 @@ impl Driver {
         mut open: OpenBackend,
         config: WorldConfig,
         mut durability: Durability,
+        executor: Executor,
     ) -> Result<(Sessions, Thread, Workers), StartError> {
         let backend = open()?;
         let Outlived { sessions: stored, heartbeat, next_key, clock, lost, damaged } =
@@ -135,7 +137,7 @@ impl Driver {
         sessions.store = journal.keeper();
         let world = World::new(Setup {
             now: Now { instant: machine::now(), stored: clock.now() },
-            executor: Executor::Threads,
+            executor,
             has_memory: |bytes| ask_for(bytes).is_ok(),
             config,
             checkpoint_interval: durability.checkpoint_interval,
