@@ -1,4 +1,4 @@
-//! One session on the world's thread: what it is, what it has to do in the next frame, and what
+//! One session whose snow is on the device: what it is, what it has to do in the next frame, and what
 //! came of it.
 
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use crate::core::session::state::SessionState;
 use crate::core::session::step::StepJob;
 use crate::core::snapshot::Snapshot;
 
-/// A session on the world's thread.
+/// A session whose snow is on the device.
 #[derive(Debug)]
 pub struct Simulation {
     pub(crate) session: Arc<Outlet>,
