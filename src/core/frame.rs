@@ -135,27 +135,26 @@ fn plan(
     let mut part = simulations.active_mut();
     let waiting = if take_turns { wait(&mut part, turn) } else { Waiting::default() };
     wait_for_room(&mut part, turn);
-    let places: Vec<usize> = part.iter().map(|simulation| simulation.place).collect();
-    let plans = executor
-        .each(part, |simulation| (simulation.session.key, caught(|| simulation.plan(turn))));
-    let mut planned = Planned {
-        work: Vec::with_capacity(plans.len()),
-        places: Vec::with_capacity(plans.len()),
-        idle: Vec::new(),
-        failed: Vec::new(),
-        waiting,
-    };
-    for (place, (key, plan)) in places.into_iter().zip(plans) {
+    let mut members =
+        part.iter().map(|simulation| simulation.place).collect::<Vec<_>>().into_iter();
+    let plans = executor.each(part, |simulation| caught(|| simulation.plan(turn)));
+    let (mut places, mut idle, mut failed) = (Vec::with_capacity(plans.len()), vec![], vec![]);
+    // Collected where the plans lie: thousands of them are megabytes.
+    let work = plans.into_iter().filter_map(|plan| {
+        let place = members.next()?;
         match plan {
             Some(Some(work)) => {
-                planned.places.push(place);
-                planned.work.push(work);
+                places.push(place);
+                return Some(work);
             }
-            Some(None) => planned.idle.push(key),
-            None => planned.failed.push(key),
+            Some(None) => idle.push(place),
+            None => failed.push(place),
         }
-    }
-    planned
+        None
+    });
+    let work = work.collect();
+    let keys = |places: Vec<usize>| places.into_iter().filter_map(|at| simulations.key(at));
+    Planned { work, places, idle: keys(idle).collect(), failed: keys(failed).collect(), waiting }
 }
 
 /// Takes those out that wait for another frame.

@@ -66,11 +66,16 @@ impl Simulations {
         !self.ticking.is_empty()
     }
 
+    /// Key of the one at a place.
+    pub fn key(&self, place: usize) -> Option<u64> {
+        Some(self.all[place].as_ref()?.session.key)
+    }
+
     /// Keys of those that want to be in the coming frames and whose turn it is in this one: each is
     /// once in a round of so many frames.
     pub fn active_in_turn(&self, frame: u64, round: u64) -> Vec<u64> {
         let turn = |place: &&usize| **place as u64 % round == frame % round;
-        let key = |&place: &usize| Some(self.all[place].as_ref()?.session.key);
+        let key = |&place: &usize| self.key(place);
         self.active.iter().filter(turn).filter_map(key).collect()
     }
 
@@ -87,8 +92,7 @@ impl Simulations {
     /// Has none of them in the coming frames. Returns those that were to be.
     pub fn take_active(&mut self) -> Vec<u64> {
         let active = std::mem::take(&mut self.active);
-        let key = |place: usize| Some(self.all[place].as_ref()?.session.key);
-        active.into_iter().filter_map(key).collect()
+        active.into_iter().filter_map(|place| self.key(place)).collect()
     }
 
     /// Keys of all of them.
