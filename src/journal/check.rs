@@ -11,7 +11,7 @@ use crate::core::snapshot::Snapshot;
 use crate::journal::assemble::parse;
 use crate::journal::{Assembled, assemble, migrate};
 use crate::store::{
-    Content, Damage, Fault, Format, Kind, Loaded, Moment, Row, Store, StoreError, Verified,
+    Content, Damage, Flaw, Format, Kind, Loaded, Moment, Row, Store, StoreError, Verified,
 };
 
 /// What a store holds.
@@ -76,7 +76,7 @@ pub fn verify_store(store: &mut dyn Store) -> Result<VerifyReply, StoreError> {
 /// # Errors
 /// Where it can't be read at all.
 pub fn verify(moment: &Moment) -> Result<VerifyReply, StoreError> {
-    let Verified { rows, format, faults, count, bytes, file_bytes } = moment.verify()?;
+    let Verified { rows, format, flaws, count, bytes, file_bytes } = moment.verify()?;
     let name = |session| {
         let row = Row { session, kind: Kind::Identity, number: 0 };
         let identity: Identity = parse(&rows.get(&row)?.bytes)?;
@@ -87,7 +87,7 @@ pub fn verify(moment: &Moment) -> Result<VerifyReply, StoreError> {
         (_, Some(id)) => format!("the session '{id}': the row {kind:?} {number}"),
         (key, None) => format!("a session without a name (key {key}): the row {kind:?} {number}"),
     };
-    let damage = faults.into_iter().map(|Fault { row, what }| match row {
+    let damage = flaws.into_iter().map(|Flaw { row, what }| match row {
         Some(row) => format!("{}: {what}", whose(row)),
         None => what,
     });

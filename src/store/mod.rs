@@ -18,7 +18,7 @@ use std::fmt;
 
 pub use self::clock::StoreClock;
 pub(crate) use self::directory::{link_or_copy, new_file, sync_names};
-pub use self::moment::{Fault, Moment, Verified};
+pub use self::moment::{Flaw, Moment, Verified};
 pub use self::redb::{Open, RedbStore};
 
 /// What a row holds. The numbers stand on disk: none is ever used for anything else.

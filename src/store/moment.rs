@@ -37,7 +37,7 @@ pub struct Moment {
 
 /// Something that is wrong with a row.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub struct Flaw {
     /// The row; none where not even its name can be read.
     pub row: Option<Row>,
     /// What is wrong with it.
@@ -52,7 +52,7 @@ pub struct Verified {
     /// What they mean.
     pub format: Format,
     /// What is wrong with others, or with where they lie.
-    pub faults: Vec<Fault>,
+    pub flaws: Vec<Flaw>,
     /// How many rows are sound, the store's own and second copies among them.
     pub count: u64,
     /// Their bytes.
@@ -71,12 +71,12 @@ impl Moment {
     }
 
     /// Every sound row, the format, and what is wrong with others.
-    pub(super) fn rows(&self) -> Result<(Rows, Format, Vec<Fault>), redb::Error> {
-        let (mut rows, mut faults) = (Rows::new(), Vec::new());
+    pub(super) fn rows(&self) -> Result<(Rows, Format, Vec<Flaw>), redb::Error> {
+        let (mut rows, mut flaws) = (Rows::new(), Vec::new());
         let format = self.format()?;
         let table = if format == Format::First { FIRST_ROWS } else { ROWS };
-        self.walk(table, format, &mut faults, |row, content, _| drop(rows.insert(row, content)))?;
-        Ok((rows, format, faults))
+        self.walk(table, format, &mut flaws, |row, content, _| drop(rows.insert(row, content)))?;
+        Ok((rows, format, flaws))
     }
 
     /// That of the first Firn names no format, but has its rows elsewhere.
@@ -90,7 +90,7 @@ impl Moment {
         &self,
         table: Sealed,
         format: Format,
-        faults: &mut Vec<Fault>,
+        flaws: &mut Vec<Flaw>,
         mut take: impl FnMut(Row, Content, &[u8]),
     ) -> Result<(), redb::Error> {
         // Nothing has been written yet.
@@ -102,13 +102,13 @@ impl Moment {
             let named = Row::named(name.value());
             match frame::open(format.magic(), sealed.value()) {
                 Some((row, content)) if named == Some(row) => take(row, content, sealed.value()),
-                _ => faults.push(Fault { row: named, what: "its checksum is wrong".to_owned() }),
+                _ => flaws.push(Flaw { row: named, what: "its checksum is wrong".to_owned() }),
             }
         }
         let counted = table.len()?;
         if counted != found {
             let what = format!("the file's index counts {counted} rows, and leads to {found}");
-            faults.push(Fault { row: None, what });
+            flaws.push(Flaw { row: None, what });
         }
         Ok(())
     }
@@ -126,7 +126,7 @@ impl Moment {
     /// # Errors
     /// Where something can't be read at all.
     pub fn verify(&self) -> Result<Verified, StoreError> {
-        let (mut rows, mut faults) = (Rows::new(), Vec::new());
+        let (mut rows, mut flaws) = (Rows::new(), Vec::new());
         let (mut count, mut bytes) = (0, 0);
         let mut heads = HashSet::new();
         let mut see = |sealed: &[u8]| {
@@ -139,23 +139,23 @@ impl Moment {
             see(sealed);
             rows.insert(row, content);
         };
-        self.walk(table, format, &mut faults, keep).map_err(failed)?;
+        self.walk(table, format, &mut flaws, keep).map_err(failed)?;
         if format == Format::Present {
-            self.compare(&rows, &mut faults, see).map_err(failed)?;
+            self.compare(&rows, &mut flaws, see).map_err(failed)?;
         }
-        let file_bytes = self.look_at_file(format, &mut heads, &mut faults)?;
-        faults.sort_by_key(|fault| fault.row);
+        let file_bytes = self.look_at_file(format, &mut heads, &mut flaws)?;
+        flaws.sort_by_key(|flaw| flaw.row);
         rows.remove(&FORMAT);
         rows.remove(&CLOCK);
         Population::of(&mut rows).map_err(failed)?;
-        Ok(Verified { rows, format, faults, count, bytes, file_bytes })
+        Ok(Verified { rows, format, flaws, count, bytes, file_bytes })
     }
 
     /// Compares the second copies of rows with the first ones.
     fn compare(
         &self,
         rows: &Rows,
-        faults: &mut Vec<Fault>,
+        flaws: &mut Vec<Flaw>,
         mut see: impl FnMut(&[u8]),
     ) -> Result<(), redb::Error> {
         let twice = rows.keys().filter(|row| is_kept_twice(row.kind));
@@ -168,12 +168,11 @@ impl Moment {
                 different.push(row);
             }
         })?;
-        for fault in damaged {
-            missing.retain(|row| fault.row != Some(*row));
-            faults.push(Fault { what: format!("of its second copy: {}", fault.what), ..fault });
+        for flaw in damaged {
+            missing.retain(|row| flaw.row != Some(*row));
+            flaws.push(Flaw { what: format!("of its second copy: {}", flaw.what), ..flaw });
         }
-        let mut note =
-            |row, what: &str| faults.push(Fault { row: Some(row), what: what.to_owned() });
+        let mut note = |row, what: &str| flaws.push(Flaw { row: Some(row), what: what.to_owned() });
         different.into_iter().for_each(|row| note(row, "its two copies differ"));
         missing.into_iter().for_each(|row| note(row, "its second copy is missing"));
         Ok(())
@@ -185,7 +184,7 @@ impl Moment {
         &self,
         format: Format,
         heads: &mut HashSet<Head>,
-        faults: &mut Vec<Fault>,
+        flaws: &mut Vec<Flaw>,
     ) -> Result<u64, StoreError> {
         let Some(directory) = &self.directory else { return Ok(0) };
         let path = directory.file();
@@ -195,7 +194,7 @@ impl Moment {
         salvage::find_all(format.magic(), file, heads).map_err(unreadable)?;
         for head in heads.iter() {
             let what = "it can't be found in the file whole: what is there is not what was written";
-            faults.push(Fault { row: frame::row(head), what: what.to_owned() });
+            flaws.push(Flaw { row: frame::row(head), what: what.to_owned() });
         }
         Ok(length)
     }
@@ -291,7 +290,7 @@ mod tests {
         store.load().unwrap();
         store.commit(&writes).unwrap();
         let sound = store.moment().unwrap().verify().unwrap();
-        assert_eq!(sound.faults, []);
+        assert_eq!(sound.flaws, []);
         drop(store);
 
         let database = Database::open(data.path().join("firn.redb")).unwrap();
@@ -308,7 +307,7 @@ mod tests {
         let mut store = RedbStore::existing(data.path()).unwrap();
         let moment = store.moment().unwrap();
         let found = moment.verify().unwrap();
-        let told = found.faults.iter().map(|fault| (fault.row.unwrap().session, &*fault.what));
+        let told = found.flaws.iter().map(|flaw| (flaw.row.unwrap().session, &*flaw.what));
         let told: Vec<(u64, &str)> = told.collect();
         let damaged = "of its second copy: its checksum is wrong";
         let expected =

@@ -11,7 +11,7 @@ use tracing::{info, warn};
 
 use super::clock::StoreClock;
 use super::directory::{Directory, Place};
-use super::moment::{Fault, Moment, Rows};
+use super::moment::{Flaw, Moment, Rows};
 use super::open::{Failure, attempt, builder};
 use super::roster::Population;
 use super::tables::{
@@ -181,8 +181,8 @@ impl RedbStore {
         let Some(database) = &self.database else {
             return Ok((Rows::new(), Format::Present, None));
         };
-        let (rows, format, mut faults) = Moment::of(database, None)?.rows()?;
-        let damage = faults.pop().map(|Fault { row, what }| {
+        let (rows, format, mut flaws) = Moment::of(database, None)?.rows()?;
+        let damage = flaws.pop().map(|Flaw { row, what }| {
             let what = format!("a row can't be read: {row:?}, {what}");
             Damage { what, missing: Vec::new() }
         });
