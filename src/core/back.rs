@@ -13,10 +13,7 @@ use tracing::{error, info, warn};
 use crate::core::making::{Of, Room};
 use crate::core::reading::{Decoded, Read};
 use crate::core::record::{Anchor, Exact, Log, Part, Replay, Stored};
-use crate::core::session::error::{Invalid, SessionError};
-use crate::core::session::outlet::Outlet;
-use crate::core::session::portion::Portions;
-use crate::core::session::simulation::Simulation;
+use crate::core::session::{Invalid, Outlet, Portions, SessionError, Simulation};
 use crate::core::snapshot::Snapshot;
 use crate::core::{Effect, World};
 

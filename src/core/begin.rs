@@ -6,7 +6,7 @@ use ulid::Ulid;
 use crate::core::World;
 use crate::core::back::Coming;
 use crate::core::record::{Anchor, Exact, Heartbeat, Part, Stored};
-use crate::core::session::error::SessionError;
+use crate::core::session::SessionError;
 
 /// How far it is written where this life of the server begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

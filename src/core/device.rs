@@ -8,8 +8,7 @@ use std::time::Instant;
 use tracing::{error, info};
 
 use crate::core::backoff::Backoff;
-use crate::core::session::error::SessionError;
-use crate::core::session::outlet::Outlet;
+use crate::core::session::{Outlet, SessionError};
 use crate::core::{Effect, World};
 
 /// The device, as far as the core has heard.

@@ -8,10 +8,7 @@ use firn_engine::frame::{Frame, Outcome, Work};
 use firn_engine::parallel::Executor;
 
 use crate::core::record::Left;
-use crate::core::session::charge::{Bill, Charge, who_waits};
-use crate::core::session::gather::MOST_SAMPLES;
-use crate::core::session::simulation::Simulation;
-use crate::core::session::turn::Turn;
+use crate::core::session::{Bill, Charge, MOST_SAMPLES, Simulation, Turn, who_waits};
 use crate::core::simulations::Simulations;
 use crate::core::{Effect, Job, Now, World};
 

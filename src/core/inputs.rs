@@ -6,13 +6,7 @@ use std::sync::Arc;
 use crate::core::back::Coming;
 use crate::core::making::{Of, Room};
 use crate::core::record::{Anchor, Identity, Log, Part};
-use crate::core::session::answer::Answer;
-use crate::core::session::error::SessionError;
-use crate::core::session::inbox::Request;
-use crate::core::session::orders::Reply;
-use crate::core::session::outlet::Outlet;
-use crate::core::session::simulation::Simulation;
-use crate::core::session::token::TokenHashes;
+use crate::core::session::{Answer, Outlet, Reply, Request, SessionError, Simulation, TokenHashes};
 use crate::core::stop::Stop;
 use crate::core::{Control, Creation, Input, World};
 

@@ -10,10 +10,7 @@ use crate::core::back::Stage;
 use crate::core::device::DEVICE_FAILED;
 use crate::core::object_rows::ObjectRows;
 use crate::core::record::Done;
-use crate::core::session::answer::Answer;
-use crate::core::session::error::SessionError;
-use crate::core::session::outlet::Outlet;
-use crate::core::session::receipt::Receipted;
+use crate::core::session::{Answer, Outlet, Receipted, SessionError};
 use crate::core::snapshot::Snapshot;
 use crate::core::{Effect, World};
 

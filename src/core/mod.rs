@@ -36,12 +36,7 @@ use crate::store::StoreError;
 
 use reading::{Read, Wanted};
 use record::{Append, Checkpoint, Hash, Heartbeat, Part, Taken};
-use session::answer::Answer;
-use session::error::SessionError;
-use session::inbox::Request;
-use session::outlet::Outlet;
-use session::spec::Limits;
-use session::token::TokenHashes;
+use session::{Answer, Limits, Outlet, Request, SessionError, TokenHashes};
 
 pub(crate) use making::Creation;
 pub(crate) use world::World;

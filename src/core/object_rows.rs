@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::core::session::error::{Invalid, SessionError};
+use crate::core::session::{Invalid, SessionError};
 
 /// Words of four bytes that the objects of one session may take: thousands of vehicles, or fifteen
 /// objects as large as 2048 × 2048 columns.

@@ -9,10 +9,7 @@ use tracing::debug;
 use crate::core::back::{Coming, Stage};
 use crate::core::frame::caught;
 use crate::core::record::{Replay, Stored};
-use crate::core::session::error::SessionError;
-use crate::core::session::outlet::Outlet;
-use crate::core::session::simulation::Simulation;
-use crate::core::session::spec::Limits;
+use crate::core::session::{Limits, Outlet, SessionError, Simulation};
 use crate::core::snapshot::Snapshot;
 use crate::core::{Effect, World};
 

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use tracing::info;
 
 use crate::core::record::Part;
-use crate::core::session::simulation::Simulation;
+use crate::core::session::Simulation;
 use crate::core::{Effect, World};
 use crate::store::StoreError;
 

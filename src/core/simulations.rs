@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::core::session::simulation::Simulation;
+use crate::core::session::Simulation;
 
 /// Simulations by their keys. What is done for the active ones costs nothing for all others.
 #[derive(Debug, Default)]

@@ -15,11 +15,7 @@ use firn_snow::Cell;
 use self::body::Body;
 use self::description::{Description, SavedCollider};
 
-use crate::core::session::error::{Invalid, SessionError};
-use crate::core::session::reach::Reach;
-use crate::core::session::simulation::Simulation;
-use crate::core::session::spec::Limits;
-use crate::core::session::state::SessionState;
+use crate::core::session::{Invalid, Limits, Reach, SessionError, SessionState, Simulation};
 
 /// Media type of a snapshot.
 pub const MEDIA_TYPE: &str = "application/vnd.firn.snapshot";

@@ -6,8 +6,7 @@ use std::time::Instant;
 
 use tracing::info;
 
-use crate::core::session::error::SessionError;
-use crate::core::session::simulation::Simulation;
+use crate::core::session::{SessionError, Simulation};
 use crate::core::{Effect, World};
 
 /// Cells of which checkpoints are made at a time when the server stops: their snapshots are in memory

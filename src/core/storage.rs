@@ -10,9 +10,7 @@ use tracing::{error, info};
 
 use crate::core::inputs::gone;
 use crate::core::record::{Anchor, Append, Checkpoint, Part, Pending, Record};
-use crate::core::session::answer::Answer;
-use crate::core::session::error::SessionError;
-use crate::core::session::receipt::Receipts;
+use crate::core::session::{Answer, Receipts, SessionError};
 use crate::core::{Effect, Verdict, World};
 use crate::store::StoreError;
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
-use crate::core::session::charge::Charge;
+use crate::core::session::Charge;
 
 /// What one tenant may take of the server. Where nothing is said, the server's own limits hold alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]

@@ -9,10 +9,7 @@ use tracing::{debug, info, warn};
 
 use crate::core::inputs::gone;
 use crate::core::record::{Part, Record};
-use crate::core::session::answer::Answer;
-use crate::core::session::error::SessionError;
-use crate::core::session::outlet::Outlet;
-use crate::core::session::simulation::Simulation;
+use crate::core::session::{Answer, Outlet, SessionError, Simulation};
 use crate::core::{Effect, World};
 
 /// Sessions of which it is found out in one frame whether they are to be deleted.

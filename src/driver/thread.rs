@@ -13,7 +13,7 @@ use tokio::sync::mpsc;
 use tracing::{error, warn};
 
 use crate::core::device::{DEVICE_FAILED, stopped};
-use crate::core::session::clock::FRAME_RATE;
+use crate::core::session::FRAME_RATE;
 use crate::core::vitals::{FrameTime, Vitals};
 use crate::core::{Effect, Fault, Input, Now, World};
 use crate::driver::OpenBackend;

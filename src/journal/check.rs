@@ -5,8 +5,7 @@ use std::collections::BTreeMap;
 use firn_protocol::VerifyReply;
 
 use crate::core::record::{Fold, Identity, Stored};
-use crate::core::session::error::SessionError;
-use crate::core::session::spec::Limits;
+use crate::core::session::{Limits, SessionError};
 use crate::core::snapshot::Snapshot;
 use crate::journal::assemble::parse;
 use crate::journal::{Assembled, assemble, migrate};

@@ -10,7 +10,7 @@ use tokio::sync::mpsc::WeakSender;
 use tracing::{error, warn};
 
 use crate::core::record::{Append, Checkpoint, Heartbeat, Part, Taken};
-use crate::core::session::error::SessionError;
+use crate::core::session::SessionError;
 use crate::core::vitals::StoreVitals;
 use crate::core::{Input, Job, Verdict};
 use crate::journal::keeper::{Errand, StoreKeeper};

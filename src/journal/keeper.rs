@@ -11,7 +11,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
 use super::check::verify;
 use super::handle::Task;
-use crate::core::session::error::SessionError;
+use crate::core::session::SessionError;
 use crate::store::{Compacted, Moment, Store, StoreError};
 use crate::threads::{self, Priority};
 

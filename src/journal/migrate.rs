@@ -9,10 +9,7 @@ use tracing::{info, warn};
 use ulid::Ulid;
 
 use crate::core::record::{Anchor, Checkpoint, Entry, Epochs, Exact, Fold, Head, Identity, Weight};
-use crate::core::session::change::Change;
-use crate::core::session::command::Command;
-use crate::core::session::error::SessionError;
-use crate::core::session::token::TokenHashes;
+use crate::core::session::{Change, Command, SessionError, TokenHashes};
 use crate::journal::rows::json;
 use crate::store::{Content, Kind, Row};
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use firn_protocol::SessionView;
 
 use crate::core::Control;
-use crate::core::session::error::SessionError;
+use crate::core::session::SessionError;
 use crate::session::handle::Session;
 
 impl Session {

@@ -7,9 +7,7 @@ use std::mem::size_of;
 use firn_protocol::{ColliderView, Event, MemoryBytes, UsageView};
 
 use crate::core::record::heap_bytes;
-use crate::core::session::outlet::EVENT_BACKLOG;
-use crate::core::session::simulation::Simulation;
-use crate::core::session::state::Collider;
+use crate::core::session::{Collider, EVENT_BACKLOG, Simulation};
 use crate::session::handle::Session;
 
 /// What an object takes beside its descriptions: its name, places in maps, and its load.

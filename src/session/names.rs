@@ -8,9 +8,7 @@ use firn_protocol::SessionSpec;
 use firn_snow::Grid;
 
 use crate::core::Directory;
-use crate::core::session::error::SessionError;
-use crate::core::session::outlet::Outlet;
-use crate::core::session::spec::Limits;
+use crate::core::session::{Limits, Outlet, SessionError};
 use crate::core::tenant::{Quotas, Tenant};
 use crate::machine;
 use crate::session::handle::Session;

@@ -4,9 +4,7 @@ use firn_engine::frame::TileCells;
 use firn_protocol::{Probe, ProbeBatch, ProbeReply, ProbeView};
 use firn_snow::{Column, GRAVITY, Grid, Material, SurfaceLoad};
 
-use crate::core::session::clock::FRAME_RATE;
-use crate::core::session::error::{Check, SessionError};
-use crate::core::session::gather::Gathered;
+use crate::core::session::{Check, FRAME_RATE, Gathered, SessionError};
 use crate::session::handle::Session;
 
 /// Most probes of one request.

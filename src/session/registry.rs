@@ -10,10 +10,7 @@ use firn_snow::Grid;
 use tokio::sync::{Semaphore, mpsc};
 
 use crate::core::record::{Done, DoneResult, Once};
-use crate::core::session::error::{Check, SessionError};
-use crate::core::session::receipt::Receipted;
-use crate::core::session::simulation::Simulation;
-use crate::core::session::spec::Limits;
+use crate::core::session::{Check, Limits, Receipted, SessionError, Simulation};
 use crate::core::snapshot::Snapshot;
 use crate::core::vitals::Vitals;
 use crate::core::{Control, Creation, Fault, Input};

@@ -10,14 +10,10 @@ use tokio::sync::{mpsc, oneshot};
 
 use crate::core::device::stopped;
 use crate::core::record::Once;
-use crate::core::session::answer::{Answer, Place};
-use crate::core::session::change::{Applied, Change};
-use crate::core::session::error::{Invalid, SessionError};
-use crate::core::session::gather;
-use crate::core::session::gather::Sampled;
-use crate::core::session::inbox::Request;
-use crate::core::session::receipt::Receipted;
-use crate::core::session::simulation::Simulation;
+use crate::core::session::{
+    Answer, Applied, Change, Invalid, Place, Receipted, Request, Sampled, SessionError, Simulation,
+    gather,
+};
 use crate::core::snapshot::Snapshot;
 use crate::core::{Control, Input};
 use crate::machine;

@@ -63,7 +63,7 @@ mod tests {
     use firn_protocol::{SnowfallReply, Stamp};
 
     use super::*;
-    use crate::core::session::change::Applied;
+    use crate::core::session::Applied;
     use crate::journal::keyed::KeyedRequests;
     use crate::store::StoreClock;
 

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::core::session::token::TokenHashes;
+use crate::core::session::TokenHashes;
 use crate::machine;
 
 /// The secrets of a session, told once.

@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 use ulid::Ulid;
 
-use crate::core::session::clock::ticks_between;
+use crate::core::session::ticks_between;
 
 /// Seqs between the end of an epoch and the beginning of the next: more than there are rounds until a batch
 /// is stored.

@@ -6,7 +6,7 @@ use std::time::Duration;
 use firn_protocol::{ClearingReply, ColliderReply, SnowfallReply, Stamp};
 use serde::{Deserialize, Serialize};
 
-use crate::core::session::change::Applied;
+use crate::core::session::Applied;
 
 /// Time for which a request is known, by the store's clock.
 pub(crate) const LIFETIME: Duration = Duration::from_secs(600);

@@ -5,8 +5,7 @@ use serde::{Deserialize, Serialize};
 use ulid::Ulid;
 
 use crate::core::record::Weight;
-use crate::core::session::command::Command;
-use crate::core::session::token::TokenHashes;
+use crate::core::session::{Command, TokenHashes};
 
 /// Who a session is.
 #[derive(Clone, Debug, Serialize, Deserialize)]

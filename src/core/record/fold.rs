@@ -1,11 +1,7 @@
 //! What is stored of a session, folded to the host's half of it: no device is needed for that.
 
 use crate::core::record::{Identity, Stored};
-use crate::core::session::change::Change;
-use crate::core::session::command::Command;
-use crate::core::session::error::SessionError;
-use crate::core::session::orders::Orders;
-use crate::core::session::state::SessionState;
+use crate::core::session::{Change, Command, Orders, SessionError, SessionState};
 use crate::core::snapshot::Snapshot;
 
 /// The host's half of a session, at some point of its journal.

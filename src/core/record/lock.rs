@@ -8,8 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::core::record::fold::Fold;
 use crate::core::record::{Entry, Part, Stored};
-use crate::core::session::change::Change;
-use crate::core::session::error::SessionError;
+use crate::core::session::{Change, SessionError};
 
 /// That a session is locked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

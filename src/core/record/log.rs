@@ -6,9 +6,7 @@ use std::time::{Duration, Instant};
 use crate::core::record::{
     Anchor, Append, Done, Entry, Epochs, Exact, Identity, Part, Record, Stored,
 };
-use crate::core::session::command::Command;
-use crate::core::session::outlet::Outlet;
-use crate::core::session::simulation::Simulation;
+use crate::core::session::{Command, Outlet, Simulation};
 use crate::core::snapshot::Snapshot;
 
 /// Entries after which a checkpoint is due, however young the last is.

@@ -5,8 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::core::record::{Anchor, Checkpoint, Done, Entry, Epochs, Identity, Lock, Stored};
-use crate::core::session::answer::Answer;
-use crate::core::session::receipt::Receipts;
+use crate::core::session::{Answer, Receipts};
 
 /// One thing to be made durable about a session.
 #[derive(Clone, Debug)]

@@ -6,9 +6,7 @@ use std::sync::Arc;
 use firn_engine::frame::Edit;
 
 use crate::core::record::{Entry, Stored};
-use crate::core::session::command::Command;
-use crate::core::session::orders::MOST_CHANGES;
-use crate::core::session::simulation::Simulation;
+use crate::core::session::{Command, MOST_CHANGES, Simulation};
 use crate::core::snapshot::Snapshot;
 
 /// Times in one frame that snow falls after anything else, each of which begins another submit: what

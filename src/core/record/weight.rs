@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use firn_protocol::{SessionSpec, SnowLayer};
 
 use crate::core::record::{Checkpoint, Entry, Identity, OVERHEAD, Stored};
-use crate::core::session::command::{Command, ObjectSpec};
+use crate::core::session::{Command, ObjectSpec};
 
 /// Counters of an `Arc`.
 const SHARED: usize = 2 * size_of::<usize>();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
-use crate::core::session::error::SessionError;
+use crate::core::session::SessionError;
 
 /// A place among the requests that wait for a session; clones share it.
 pub(crate) type Place = Arc<OwnedSemaphorePermit>;

@@ -4,9 +4,7 @@ use firn_engine::frame::{Deposit, Edit, Placement};
 use firn_snow::{Footprint, Material};
 use std::sync::Arc;
 
-use crate::core::session::command::{Command, Kept, ObjectSpec};
-use crate::core::session::orders::{Counted, Orders};
-use crate::core::session::state::{Collider, SessionState};
+use crate::core::session::{Collider, Command, Counted, Kept, ObjectSpec, Orders, SessionState};
 
 /// What may move again after a command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

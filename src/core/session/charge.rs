@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::core::session::clock::FRAME_RATE;
+use crate::core::session::FRAME_RATE;
 
 /// Sessions whose part of a frame takes no longer than this are in every frame.
 const LIGHT: Duration = Duration::from_millis(1);

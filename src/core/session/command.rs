@@ -7,7 +7,7 @@ use firn_protocol::Settings;
 use firn_snow::{ColumnRect, Grid, Position, Shape};
 use serde::{Deserialize, Serialize};
 
-use crate::core::session::orders::Told;
+use crate::core::session::Told;
 
 /// What is done with a snowpack. It needs nothing but the state before it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

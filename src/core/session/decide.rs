@@ -4,10 +4,7 @@ mod objects;
 mod settings;
 mod weather;
 
-use crate::core::session::change::Change;
-use crate::core::session::command::Decision;
-use crate::core::session::error::SessionError;
-use crate::core::session::state::SessionState;
+use crate::core::session::{Change, Decision, SessionError, SessionState};
 
 impl SessionState {
     /// Decides what a change does, or refuses it whole. `most` is how many objects there may be; `None`

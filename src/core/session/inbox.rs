@@ -9,15 +9,10 @@ use firn_protocol::{MassView, StepSpec};
 use firn_snow::ColumnRect;
 
 use crate::core::record::Once;
-use crate::core::session::answer::Answer;
-use crate::core::session::apply::Disturbed;
-use crate::core::session::change::{Applied, Change};
-use crate::core::session::command::{Command, Decision};
-use crate::core::session::error::SessionError;
-use crate::core::session::gather::{Gathered, MOST_SAMPLES, Sampled};
-use crate::core::session::orders::{MOST_CHANGES, Reply};
-use crate::core::session::receipt::Receipted;
-use crate::core::session::simulation::Simulation;
+use crate::core::session::{
+    Answer, Applied, Change, Command, Decision, Disturbed, Gathered, MOST_CHANGES, MOST_SAMPLES,
+    Receipted, Reply, Sampled, SessionError, Simulation,
+};
 use crate::core::snapshot::Snapshot;
 
 /// Something to be run with a simulation.

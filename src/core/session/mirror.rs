@@ -8,7 +8,7 @@ use firn_engine::reserve::try_filled;
 use firn_protocol::{ColliderView, Settings, Stamp, Summary};
 use firn_snow::{Grid, Material, TILE_COLUMNS};
 
-use crate::core::session::clock::Clock;
+use crate::core::session::Clock;
 
 pub use firn_engine::published::TileColumns;
 

@@ -6,12 +6,9 @@ use firn_engine::frame::{Edit, SampleBox};
 use firn_protocol::MassView;
 
 use crate::core::record::Once;
-use crate::core::session::answer::Answer;
-use crate::core::session::change::Applied;
-use crate::core::session::clock::{Advance, Clock};
-use crate::core::session::error::SessionError;
-use crate::core::session::gather::{Gathered, Sampled};
-use crate::core::session::receipt::Receipted;
+use crate::core::session::{
+    Advance, Answer, Applied, Clock, Gathered, Receipted, Sampled, SessionError,
+};
 use crate::core::snapshot::Snapshot;
 
 /// Changes of one session in one frame after which others of it wait for the next.

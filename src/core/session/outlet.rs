@@ -11,13 +11,9 @@ use tokio_util::sync::CancellationToken;
 use ulid::Ulid;
 
 use crate::core::record::{Epochs, Identity, Weight};
-use crate::core::session::clock::{Clock, FRAME_RATE};
-use crate::core::session::error::SessionError;
-use crate::core::session::mirror::Mirror;
-use crate::core::session::publish::Publication;
-use crate::core::session::receipt::Receipts;
-use crate::core::session::spec::Limits;
-use crate::core::session::token::TokenHashes;
+use crate::core::session::{
+    Clock, FRAME_RATE, Limits, Mirror, Publication, Receipts, SessionError, TokenHashes,
+};
 use crate::core::snapshot::Snapshot;
 use crate::core::tenant::Tenant;
 

@@ -10,7 +10,7 @@ use std::time::Duration;
 use firn_engine::frame::{Edit, SampleBox, Slot, Work, WorkOutcome};
 use firn_snow::{Grid, TILE_COLUMNS};
 
-use crate::core::session::reach::Reach;
+use crate::core::session::Reach;
 
 /// Shortest and longest time that one session's part of a frame should take: others wait no longer than
 /// two.

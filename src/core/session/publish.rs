@@ -11,14 +11,10 @@ use firn_protocol::{
 use firn_snow::{CELL, Contact, Grid, TILE_COLUMNS};
 
 use crate::core::record::{Done, Taken};
-use crate::core::session::change::Applied;
-use crate::core::session::gather::{Gathered, Sampled};
-use crate::core::session::mirror::Mirror;
-use crate::core::session::orders::{Counted, Orders, Reply, Told};
-use crate::core::session::outlet::Outlet;
-use crate::core::session::receipt::Receipted;
-use crate::core::session::simulation::Simulation;
-use crate::core::session::state::{Collider, SessionState};
+use crate::core::session::{
+    Applied, Collider, Counted, Gathered, Mirror, Orders, Outlet, Receipted, Reply, Sampled,
+    SessionState, Simulation, Told,
+};
 use crate::core::snapshot::Snapshot;
 
 /// Says that a session has published a state.

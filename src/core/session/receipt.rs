@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 use tokio::sync::watch;
 
-use crate::core::session::error::SessionError;
+use crate::core::session::SessionError;
 
 /// An answer, and the position of what has to be durable before it counts.
 #[derive(Clone, Debug)]

@@ -8,16 +8,10 @@ use firn_protocol::SessionSpec;
 
 use crate::core::object_rows::ObjectRows;
 use crate::core::record::{Log, Replay};
-use crate::core::session::answer::Answer;
-use crate::core::session::charge::Charge;
-use crate::core::session::command::Command;
-use crate::core::session::error::SessionError;
-use crate::core::session::orders::{Flight, Orders, Reply};
-use crate::core::session::outlet::Outlet;
-use crate::core::session::portion::Portions;
-use crate::core::session::receipt::Receipted;
-use crate::core::session::state::SessionState;
-use crate::core::session::step::StepJob;
+use crate::core::session::{
+    Answer, Charge, Command, Flight, Orders, Outlet, Portions, Receipted, Reply, SessionError,
+    SessionState, StepJob,
+};
 use crate::core::snapshot::Snapshot;
 
 /// A session whose snow is on the device.

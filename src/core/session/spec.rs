@@ -3,7 +3,7 @@
 use firn_protocol::{SessionSpec, Settings, is_valid_id};
 use firn_snow::{Grid, MAX_COLUMN_MASS, MAX_TERRAIN_CELLS, Material};
 
-use crate::core::session::error::{Check, SessionError};
+use crate::core::session::{Check, SessionError};
 
 /// Most layers of initial snow.
 const MOST_LAYERS: usize = 1024;

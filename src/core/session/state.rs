@@ -6,10 +6,7 @@ use std::sync::Arc;
 use firn_protocol::{SessionSpec, Settings};
 use firn_snow::{Contact, Grid, Material, Position, Shape};
 
-use crate::core::session::clock::Clock;
-use crate::core::session::falling::{Falling, Snowing};
-use crate::core::session::gather::Ledger;
-use crate::core::session::reach::Reach;
+use crate::core::session::{Clock, Falling, Ledger, Reach, Snowing};
 
 /// The host's half of a snowpack: all but its cells. Changes are decided and applied here, without a device.
 #[derive(Clone, Debug)]

@@ -2,12 +2,7 @@
 
 use firn_protocol::StepSpec;
 
-use crate::core::session::answer::Answer;
-use crate::core::session::clock::Clock;
-use crate::core::session::error::{Check, SessionError};
-use crate::core::session::orders::Reply;
-use crate::core::session::receipt::Receipted;
-use crate::core::session::simulation::Simulation;
+use crate::core::session::{Answer, Check, Clock, Receipted, Reply, SessionError, Simulation};
 use crate::core::snapshot::Snapshot;
 
 /// Most ticks of one step.

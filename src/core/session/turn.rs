@@ -6,10 +6,7 @@ use std::time::Duration;
 
 use firn_engine::frame::{Run, Work};
 
-use crate::core::session::clock::Advance;
-use crate::core::session::orders::{Flight, Orders, Reply};
-use crate::core::session::simulation::Simulation;
-use crate::core::session::step::Goal;
+use crate::core::session::{Advance, Flight, Goal, Orders, Reply, Simulation};
 
 /// Cycles that are taken at once where they change nothing, and none of them is carried out.
 const CYCLES_AT_REST: u32 = 1 << 24;

@@ -8,7 +8,7 @@ use firn_engine::reserve::try_filled;
 use firn_protocol::SessionSpec;
 use firn_snow::{CELL, TILE_COLUMNS};
 
-use crate::core::session::error::SessionError;
+use crate::core::session::SessionError;
 use crate::core::snapshot::{columns, refused};
 
 /// Bytes of what is read first, before more is asked for.

@@ -7,13 +7,9 @@ use firn_protocol::{SessionSpec, Settings};
 use firn_snow::{Contact, Footprint, Grid, Material, Position, Shape};
 use serde::{Deserialize, Serialize};
 
-use crate::core::session::clock::Clock;
-use crate::core::session::command::ObjectSpec;
-use crate::core::session::error::{Check, SessionError};
-use crate::core::session::falling::Falling;
-use crate::core::session::gather::Ledger;
-use crate::core::session::spec::Limits;
-use crate::core::session::state::{Collider, SessionState};
+use crate::core::session::{
+    Check, Clock, Collider, Falling, Ledger, Limits, ObjectSpec, SessionError, SessionState,
+};
 use crate::core::snapshot::refused;
 
 /// Everything but the cells.

@@ -6,11 +6,10 @@ use std::sync::Arc;
 use firn_protocol::{ColliderBatch, ColliderPatch, ColliderSpec};
 use firn_snow::{Footprint, Grid, Shape};
 
-use crate::core::session::command::{Command, Decision, ObjectSpec};
-use crate::core::session::error::{Check, Invalid, SessionError};
-use crate::core::session::orders::Told;
-use crate::core::session::reach::Reach;
-use crate::core::session::state::{Collider, SessionState};
+use crate::core::session::{
+    Check, Collider, Command, Decision, Invalid, ObjectSpec, Reach, SessionError, SessionState,
+    Told,
+};
 use crate::quote::quote;
 
 /// Most entries of a batch of colliders.

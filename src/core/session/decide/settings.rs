@@ -2,10 +2,7 @@
 
 use firn_protocol::{Settings, SettingsPatch};
 
-use crate::core::session::command::{Command, Decision};
-use crate::core::session::error::{Check, SessionError};
-use crate::core::session::orders::Told;
-use crate::core::session::state::SessionState;
+use crate::core::session::{Check, Command, Decision, SessionError, SessionState, Told};
 
 impl SessionState {
     pub(crate) fn decide_settings(&self, patch: &SettingsPatch) -> Result<Decision, SessionError> {

@@ -3,10 +3,7 @@
 use firn_protocol::{AirTemperature, Clearing, Region, Settings, Snowfall};
 use firn_snow::{ColumnRect, Grid, MASS_QUANTA};
 
-use crate::core::session::command::{Command, Decision, Kept};
-use crate::core::session::error::{Check, SessionError};
-use crate::core::session::orders::Told;
-use crate::core::session::state::SessionState;
+use crate::core::session::{Check, Command, Decision, Kept, SessionError, SessionState, Told};
 
 impl SessionState {
     pub(crate) fn decide_snowfall(&self, snowfall: &Snowfall) -> Result<Decision, SessionError> {
