@@ -34,8 +34,8 @@ const MOST_AT_ONCE: usize = 64;
 /// Counters of an `Arc`.
 const SHARED: usize = 2 * size_of::<usize>();
 
-// Its place, what was done, and what both are found by: the table, the tree of ages and its session's record,
-// of which about half is in use.
+// What the core counts is its place, what was done, and what both are found by: the table, the tree of ages and
+// its session's record, of which about half is in use.
 const _: () = assert!(
     OVERHEAD
         >= 2 * SHARED
