@@ -20,7 +20,7 @@ use rand::{Rng, SeedableRng};
 use crate::client::{self, Request};
 use crate::device::Switches;
 use crate::disk::Disk;
-use crate::machine::Machine;
+use crate::machine::{Machine, Worker};
 use crate::model::{Fate, Model, Operation, metres};
 use crate::panics;
 use crate::report::Report;
@@ -147,9 +147,9 @@ impl Simulation {
     fn step(&mut self) -> Result<(), String> {
         match self.dice.random_range(0..1000) {
             0..320 => self.turn()?,
-            320..470 => self.journal(ManualJournal::commit),
-            470..530 if self.machine.packs() => self.journal(ManualJournal::pack),
-            530..580 => self.machine.work(),
+            320..470 => self.work(Worker::Commits),
+            470..530 => self.work(Worker::Packs),
+            530..580 => self.work(Worker::Reads),
             580..760 => self.poll(),
             760..850 => self.ask(),
             850..900 => self.watch()?,
@@ -177,6 +177,16 @@ impl Simulation {
         self.report.hibernations += asleep.saturating_sub(self.asleep);
         self.asleep = asleep;
         Ok(())
+    }
+
+    /// Has a worker do something, where it gets time.
+    fn work(&self, worker: Worker) {
+        match worker {
+            _ if !self.machine.works(worker) => {}
+            Worker::Commits => self.journal(ManualJournal::commit),
+            Worker::Packs => self.journal(ManualJournal::pack),
+            Worker::Reads => self.machine.read(),
+        }
     }
 
     fn journal(&self, act: impl FnOnce(&mut ManualJournal)) {

@@ -3,16 +3,19 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use firn::driver::ManualJournal;
 use firn::session::{Change, SessionError, Sessions};
 use firn_protocol::{SettingsPatch, StepSpec};
 use rand::Rng;
 
 use crate::client::{self, wait_for};
+use crate::machine::Worker;
 use crate::model::{Fate, Operation, State};
 use crate::panics;
 
 use super::{NAMES, Simulation};
+
+/// Longer than a comparison takes.
+const LONG: Duration = Duration::from_secs(1000);
 
 impl Simulation {
     /// Lets everything work.
@@ -25,9 +28,9 @@ impl Simulation {
         if let Some(why) = self.wrong.take().or_else(panics::unexpected) {
             return Err(why);
         }
-        self.machine.work();
-        self.journal(ManualJournal::pack);
-        self.journal(ManualJournal::commit);
+        self.work(Worker::Reads);
+        self.work(Worker::Packs);
+        self.work(Worker::Commits);
         Ok(())
     }
 
@@ -38,6 +41,11 @@ impl Simulation {
         self.disk.fail(None);
         self.disk.cut_at(None);
         self.device.heal();
+        self.machine.heal();
+        // With no checkpoint another server has to go through everything again.
+        if self.dice.random_bool(0.5) {
+            self.machine.stall(Worker::Packs, LONG);
+        }
         // What has just failed is heard of in the next one.
         self.round()?;
         let mut rounds = 0;
@@ -66,6 +74,7 @@ impl Simulation {
             viewer.check().map_err(|why| format!("session '{}': {why}", viewer.session()))?;
         }
         self.compare_twin()?;
+        self.machine.heal();
         for name in NAMES {
             if self.models[name].found().is_some_and(|state| !state.paused) {
                 self.set_paused(name, false)?;
