@@ -50,7 +50,7 @@ impl Simulation {
                 // The server finishes these also when their client has gone. A repeat waits for the first.
                 let Request { operation, once, .. } = &self.waiting[place];
                 let kept =
-                    once.is_some() || matches!(operation, Operation::Create | Operation::Delete);
+                    once.is_some() || matches!(operation, Operation::Create(_) | Operation::Delete);
                 if !kept {
                     self.report.fault("request abandoned");
                     self.give_up(place);
