@@ -138,6 +138,11 @@ impl World {
             } else if let Some(coming) = self.coming.get(key) {
                 let (session, tick) = (coming.session().clone(), coming.tick());
                 self.go_back_from(session, tick);
+            } else if let Some(session) = self.hibernating.remove(key) {
+                // There was no room for it while something of it was still on its way.
+                self.count_hibernating();
+                let tick = session.mirror().clock_at(self.frame).tick();
+                self.go_back_from(session, tick);
             }
         }
     }

@@ -5,14 +5,27 @@ use std::pin::Pin;
 use std::task::{Context, Poll, Waker};
 use std::time::Instant;
 
-use firn::session::{Applied, Change, Once, SessionError, Sessions};
-use firn_protocol::{AirTemperature, ColliderSpec, SessionSpec, SettingsPatch, Snowfall, StepSpec};
-use firn_snow::{Position, Shape};
+use firn::session::{Applied, Change, Once, SessionError, Sessions, Tokens};
+use firn_protocol::{
+    AirTemperature, Clearing, ColliderSpec, Region, SessionSpec, SettingsPatch, Snowfall, StepSpec,
+};
+use firn_snow::{Grid, Position, Shape};
 
-use crate::model::{Fate, Operation, metres};
+use crate::model::{Fate, Model, Operation, metres};
 
-/// The answer to a request. Only changes have one that says something.
-pub type Told = Result<Option<Applied>, SessionError>;
+/// What an answer says.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Heard {
+    /// That it was done.
+    Nothing,
+    /// What a change did.
+    Applied(Applied),
+    /// The hash of the token that a session has now.
+    Token(String),
+}
+
+/// The answer to a request.
+pub type Told = Result<Heard, SessionError>;
 
 type Answer = Pin<Box<dyn Future<Output = Told>>>;
 
@@ -29,7 +42,7 @@ pub struct Request {
     /// Whether it may have been carried out although nobody was told.
     pub doubtful: bool,
     /// Its first answer, and when it came, where it is asked again nevertheless.
-    pub first: Option<(Option<Applied>, Instant)>,
+    pub first: Option<(Heard, Instant)>,
     answer: Option<Answer>,
 }
 
@@ -48,10 +61,10 @@ impl Request {
     }
 
     /// Sends it, or looks for its answer.
-    pub fn poll(&mut self, sessions: &Sessions, spec: &SessionSpec) -> Option<Told> {
+    pub fn poll(&mut self, sessions: &Sessions, model: &Model) -> Option<Told> {
         let answer = self.answer.get_or_insert_with(|| {
-            let id = self.session.clone();
-            send(sessions.clone(), id, self.operation.clone(), self.once.clone(), spec.clone())
+            let (id, operation) = (self.session.clone(), self.operation.clone());
+            send(sessions.clone(), id, operation, self.once.clone(), model)
         });
         match answer.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
             Poll::Pending => None,
@@ -86,28 +99,51 @@ pub fn send(
     id: String,
     operation: Operation,
     once: Option<Once>,
-    spec: SessionSpec,
+    model: &Model,
 ) -> Answer {
+    let spec = model.spec.clone();
+    if let Operation::Create(beginning) = operation {
+        let snapshot = model.snapshot(beginning);
+        return Box::pin(async move {
+            let created = match snapshot {
+                Some(bytes) => sessions.restore(bytes, Some(id), None, once).await,
+                None => sessions.create_once(spec, None, once).await,
+            };
+            created.map(|(_, tokens)| token(&tokens))
+        });
+    }
     Box::pin(async move {
-        if operation == Operation::Create {
-            return sessions.create_once(spec, None, once).await.map(|_| None);
-        }
         let session = sessions.get(&id)?;
         match operation {
-            Operation::Delete => sessions.delete(&session).await.map(|()| None),
-            Operation::Reset => session.reset().await.map(|_| None),
+            Operation::Delete => sessions.delete(&session).await?,
+            Operation::Reset => drop(session.reset().await?),
+            Operation::Reissue => return Ok(token(&session.reissue_tokens().await?)),
             Operation::Step(ticks) => {
                 let ticks = Some(ticks);
-                session.step(StepSpec { ticks, ..StepSpec::default() }).await.map(|_| None)
+                session.step(StepSpec { ticks, ..StepSpec::default() }).await?;
             }
-            operation => session.change_once(change(&operation, &spec), once).await.map(Some),
+            operation => {
+                let change = change(&operation, &spec);
+                return session.change_once(change, once).await.map(Heard::Applied);
+            }
         }
+        Ok(Heard::Nothing)
     })
+}
+
+fn token(tokens: &Tokens) -> Heard {
+    Heard::Token(tokens.hashes().token.to_hex().to_string())
 }
 
 fn change(operation: &Operation, spec: &SessionSpec) -> Change {
     match *operation {
         Operation::Snowfall(depth) => Change::Snowfall(Snowfall::new(metres(depth, &spec.grid))),
+        Operation::Clear(depth, columns) => {
+            let Grid { depth: columns_z, cell_size, .. } = spec.grid;
+            let (width, reach) = (f64::from(columns) * cell_size, f64::from(columns_z) * cell_size);
+            let region = Some(Region { x: 0.0, z: 0.0, width, depth: reach });
+            Change::Clearing(Clearing { depth: metres(depth, &spec.grid), region })
+        }
         Operation::Air(celsius) => {
             Change::AirTemperature(AirTemperature { celsius: f64::from(celsius) })
         }
@@ -121,9 +157,11 @@ fn change(operation: &Operation, spec: &SessionSpec) -> Change {
         Operation::Pause(paused) => {
             Change::Settings(SettingsPatch { paused: Some(paused), ..SettingsPatch::default() })
         }
-        Operation::Create | Operation::Delete | Operation::Reset | Operation::Step(_) => {
-            unreachable!("these are no changes")
-        }
+        Operation::Create(_)
+        | Operation::Delete
+        | Operation::Reset
+        | Operation::Reissue
+        | Operation::Step(_) => unreachable!("these are no changes"),
     }
 }
 

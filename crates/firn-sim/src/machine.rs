@@ -19,6 +19,22 @@ const MOST_PASSES: u64 = 100_000;
 /// When people's clocks begin.
 const BEGINNING: Duration = Duration::from_secs(1_800_000_000);
 
+/// Who works beside the world.
+#[derive(Clone, Copy, Debug)]
+pub enum Worker {
+    /// Commits what the world hands over.
+    Commits,
+    /// Makes checkpoints of snapshots.
+    Packs,
+    /// Reads what is stored, and does what else takes long.
+    Reads,
+}
+
+impl Worker {
+    /// All of them.
+    pub const ALL: [Worker; 3] = [Worker::Commits, Worker::Packs, Worker::Reads];
+}
+
 /// The journal of the life that the server is in.
 pub type Journal = Rc<RefCell<Option<ManualJournal>>>;
 
@@ -33,8 +49,8 @@ pub struct Machine {
     journal: Journal,
     /// How often somebody has waited in this step.
     passes: Cell<u64>,
-    /// Until when nobody makes checkpoints of snapshots.
-    packs_from: Cell<Duration>,
+    /// Until when each worker gets no time.
+    stalled: [Cell<Duration>; 3],
 }
 
 impl Machine {
@@ -48,7 +64,7 @@ impl Machine {
             aside: RefCell::default(),
             journal: Journal::default(),
             passes: Cell::default(),
-            packs_from: Cell::default(),
+            stalled: Default::default(),
         }
     }
 
@@ -68,21 +84,26 @@ impl Machine {
     }
 
     /// Does what was put aside first, if anything was.
-    pub fn work(&self) {
+    pub fn read(&self) {
         let work = self.aside.borrow_mut().pop_front();
         if let Some(work) = work {
             work();
         }
     }
 
-    /// Has nobody make checkpoints for some time.
-    pub fn stall_packing(&self, time: Duration) {
-        self.packs_from.set(self.passed.get() + time);
+    /// Has a worker get no time for a while.
+    pub fn stall(&self, worker: Worker, time: Duration) {
+        self.stalled[worker as usize].set(self.passed.get() + time);
     }
 
-    /// Whether somebody makes checkpoints.
-    pub fn packs(&self) -> bool {
-        self.passed.get() >= self.packs_from.get()
+    /// Whether a worker gets time.
+    pub fn works(&self, worker: Worker) -> bool {
+        self.passed.get() >= self.stalled[worker as usize].get()
+    }
+
+    /// All workers get time again.
+    pub fn heal(&self) {
+        self.stalled.iter().for_each(|stalled| stalled.set(Duration::ZERO));
     }
 
     /// A step begins.
@@ -126,15 +147,19 @@ impl Simulated for Machine {
         self.passes.set(self.passes.get() + 1);
         assert!(self.passes.get() < MOST_PASSES, "somebody waits for ever");
         self.advance(WAIT);
-        self.work();
+        if self.works(Worker::Reads) {
+            self.read();
+        }
         // Where the journal itself waits it is at work already.
         if let Ok(mut journal) = self.journal.try_borrow_mut()
             && let Some(journal) = journal.as_mut()
         {
-            if self.packs() && self.dice.borrow_mut().random_bool(0.5) {
+            if self.works(Worker::Packs) && self.dice.borrow_mut().random_bool(0.5) {
                 journal.pack();
             }
-            journal.commit();
+            if self.works(Worker::Commits) {
+                journal.commit();
+            }
         }
     }
 }

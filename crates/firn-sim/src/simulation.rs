@@ -1,5 +1,6 @@
 //! One thread, one seed: what happens next is drawn, done, and compared with what clients were told.
 
+mod ask;
 mod compare;
 mod fault;
 mod life;
@@ -17,20 +18,17 @@ use firn_snow::Grid;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
-use crate::client::{self, Request};
+use crate::client::Request;
 use crate::device::Switches;
 use crate::disk::Disk;
-use crate::machine::Machine;
-use crate::model::{Fate, Model, Operation, metres};
+use crate::machine::{Machine, Worker};
+use crate::model::{Model, metres};
 use crate::panics;
 use crate::report::Report;
 use crate::viewer::Viewer;
 
 /// Names of sessions.
 const NAMES: [&str; 4] = ["a", "b", "c", "d"];
-
-/// Requests without an answer at a time.
-const MOST_WAITING: usize = 12;
 
 /// Requests of one session in doubt, from which on everything is compared.
 const MOST_DOUBTS: usize = 10;
@@ -147,9 +145,9 @@ impl Simulation {
     fn step(&mut self) -> Result<(), String> {
         match self.dice.random_range(0..1000) {
             0..320 => self.turn()?,
-            320..470 => self.journal(ManualJournal::commit),
-            470..530 if self.machine.packs() => self.journal(ManualJournal::pack),
-            530..580 => self.machine.work(),
+            320..470 => self.work(Worker::Commits),
+            470..530 => self.work(Worker::Packs),
+            530..580 => self.work(Worker::Reads),
             580..760 => self.poll(),
             760..850 => self.ask(),
             850..900 => self.watch()?,
@@ -179,108 +177,20 @@ impl Simulation {
         Ok(())
     }
 
+    /// Has a worker do something, where it gets time.
+    fn work(&self, worker: Worker) {
+        match worker {
+            _ if !self.machine.works(worker) => {}
+            Worker::Commits => self.journal(ManualJournal::commit),
+            Worker::Packs => self.journal(ManualJournal::pack),
+            Worker::Reads => self.machine.read(),
+        }
+    }
+
     fn journal(&self, act: impl FnOnce(&mut ManualJournal)) {
         if let Some(journal) = self.machine.journal().borrow_mut().as_mut() {
             act(journal);
         }
-    }
-
-    /// Sends a request that waits to be sent, or looks for an answer.
-    fn poll(&mut self) {
-        if !self.waiting.is_empty() {
-            let place = self.dice.random_range(0..self.waiting.len());
-            self.poll_one(place);
-        }
-    }
-
-    /// Returns whether it has an answer.
-    fn poll_one(&mut self, place: usize) -> bool {
-        let Some(life) = &self.life else { return false };
-        let request = &mut self.waiting[place];
-        let Some(model) = self.models.get_mut(&*request.session) else { return false };
-        let asked = *request.place.get_or_insert_with(|| model.ask(request.operation.clone()));
-        let spec = model.spec.clone();
-        let Some(answer) = request.poll(&life.sessions, &spec) else { return false };
-        if self.tells {
-            println!("{} {:?}: {answer:?}", request.session, request.operation);
-        }
-        let fate = client::fate(&answer);
-        let mut request = self.waiting.swap_remove(place);
-        request.doubtful |= fate == Fate::Unknown;
-        request.forget();
-        if let Some((first, _)) = request.first {
-            // A repeat that is refused says nothing.
-            if answer.as_ref().is_ok_and(|again| *again != first) {
-                self.wrong = Some(format!("{first:?} was told first, and then {answer:?}"));
-            }
-            return true;
-        }
-        // Who does not know, and may ask again, does.
-        if fate != Fate::Done && request.once.is_some() && !self.dice.random_bool(0.1) {
-            self.waiting.push(request);
-            return false;
-        }
-        self.report.requests.1 += u64::from(fate == Fate::Done);
-        // An earlier answer may have been lost that said something else.
-        let fate = if request.doubtful && fate == Fate::Refused { Fate::Unknown } else { fate };
-        if let Ok(Some(applied)) = &answer {
-            model.learn_tick(applied.stamp().tick);
-        }
-        model.learn(asked, fate);
-        if let (Ok(told), true, true) = (answer, request.once.is_some(), self.dice.random_bool(0.3))
-        {
-            request.first = Some((told, self.machine.now()));
-            self.waiting.push(request);
-            return false;
-        }
-        true
-    }
-
-    /// Forgets a request that may have been carried out, or asks again later where it has a key.
-    fn give_up(&mut self, place: usize) {
-        if self.waiting[place].once.is_some() {
-            self.waiting[place].lose();
-        } else {
-            self.waiting.swap_remove(place);
-        }
-    }
-
-    /// A client has a wish.
-    fn ask(&mut self) {
-        if self.waiting.len() >= MOST_WAITING {
-            return;
-        }
-        let name = NAMES[self.dice.random_range(0..NAMES.len())];
-        let object = self.dice.random_range(0..4);
-        let missing = self.models[name].found().is_none();
-        let operation = match self.dice.random_range(0..100) {
-            0..50 if missing => Operation::Create,
-            0..10 => Operation::Create,
-            10..12 => Operation::Delete,
-            12..60 => Operation::Snowfall(self.dice.random_range(1..60)),
-            60..70 => Operation::Air(-self.dice.random_range(1..30)),
-            70..78 => Operation::Pause(self.dice.random_bool(0.3)),
-            78..82 => Operation::Step(self.dice.random_range(1..200)),
-            82..90 => Operation::Put(object, self.dice.random_range(1..100)),
-            90..97 => Operation::Remove(object),
-            _ => Operation::Reset,
-        };
-        // What is sent again and comes late must make no difference to what came meanwhile.
-        let repeatable = matches!(operation, Operation::Snowfall(_));
-        let once = (repeatable && self.dice.random_bool(0.4)).then(|| {
-            self.keys += 1;
-            client::key(self.keys)
-        });
-        // Nobody could tell what of them came before a reset, and what after it.
-        let lone = |operation: &Operation| {
-            matches!(operation, Operation::Create | Operation::Delete | Operation::Reset)
-        };
-        let mut others = self.waiting.iter().filter(|request| request.session == name);
-        if others.any(|request| lone(&operation) || lone(&request.operation)) {
-            return;
-        }
-        self.report.requests.0 += 1;
-        self.waiting.push(Request::new(name, operation, once));
     }
 
     /// A client takes what its stream has for it, or connects again.

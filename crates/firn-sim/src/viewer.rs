@@ -23,8 +23,8 @@ pub struct Viewer {
     open: Option<Open>,
     /// Whole fields, as they were told.
     seen: Vec<HeightField>,
-    /// The newest state that it was told of.
-    newest: Option<Resume>,
+    /// The newest state that it was told of, and of which session by its `sid`.
+    newest: Option<(String, Resume)>,
     /// Streams that went on exactly from where another ended.
     pub recovered: u64,
 }
@@ -125,9 +125,16 @@ impl Viewer {
                 return Err("a stream tells something else than heights".to_owned());
             };
             let newest = Resume { epoch: visit.epoch.clone(), seq: told.seq };
-            let before = self.newest.replace(newest);
-            if before.as_ref().is_some_and(|it| it.epoch == visit.epoch && it.seq > told.seq) {
-                return Err(format!("seq {} is told after {before:?}", told.seq));
+            let sid = visit.sid.to_string();
+            let before = self.newest.replace((sid.clone(), newest));
+            // Another epoch begins above all that was told in those before.
+            if let Some((_, before)) = before.filter(|(named, _)| *named == sid)
+                && told.seq + u64::from(before.epoch == visit.epoch) <= before.seq
+            {
+                return Err(format!(
+                    "seq {} of epoch {} is told after {before:?}",
+                    told.seq, visit.epoch
+                ));
             }
             self.recovered += u64::from(told.recovered == Some(true));
             field.take(&told);

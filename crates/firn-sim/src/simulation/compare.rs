@@ -3,16 +3,19 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use firn::driver::ManualJournal;
 use firn::session::{Change, SessionError, Sessions};
 use firn_protocol::{SettingsPatch, StepSpec};
 use rand::Rng;
 
 use crate::client::{self, wait_for};
-use crate::model::{Fate, Operation, State};
+use crate::machine::Worker;
+use crate::model::{Fate, Found, Operation, quanta};
 use crate::panics;
 
 use super::{NAMES, Simulation};
+
+/// Longer than a comparison takes.
+const LONG: Duration = Duration::from_secs(1000);
 
 impl Simulation {
     /// Lets everything work.
@@ -25,9 +28,9 @@ impl Simulation {
         if let Some(why) = self.wrong.take().or_else(panics::unexpected) {
             return Err(why);
         }
-        self.machine.work();
-        self.journal(ManualJournal::pack);
-        self.journal(ManualJournal::commit);
+        self.work(Worker::Reads);
+        self.work(Worker::Packs);
+        self.work(Worker::Commits);
         Ok(())
     }
 
@@ -38,6 +41,11 @@ impl Simulation {
         self.disk.fail(None);
         self.disk.cut_at(None);
         self.device.heal();
+        self.machine.heal();
+        // With no checkpoint another server has to go through everything again.
+        if self.dice.random_bool(0.5) {
+            self.machine.stall(Worker::Packs, LONG);
+        }
         // What has just failed is heard of in the next one.
         self.round()?;
         let mut rounds = 0;
@@ -66,6 +74,7 @@ impl Simulation {
             viewer.check().map_err(|why| format!("session '{}': {why}", viewer.session()))?;
         }
         self.compare_twin()?;
+        self.machine.heal();
         for name in NAMES {
             if self.models[name].found().is_some_and(|state| !state.paused) {
                 self.set_paused(name, false)?;
@@ -77,19 +86,21 @@ impl Simulation {
     /// Where nothing fails nothing is refused: a session can be made, and snow falls.
     fn serve(&mut self, name: &'static str) -> Result<(), String> {
         let model = &self.models[name];
-        let (spec, missing) = (model.spec.clone(), model.found().is_none());
+        let missing = model.found().is_none();
         if missing && self.dice.random_bool(0.5) {
             return Ok(());
         }
-        let operation = if missing { Operation::Create } else { Operation::Snowfall(1) };
-        let asked = operation.clone();
-        let answer = self.wait("a request while nothing fails", async |sessions| {
-            client::send(sessions, name.to_owned(), asked, None, spec).await
-        })?;
-        answer.map_err(|why| format!("session '{name}': {operation:?} is refused: {why}"))?;
+        let operation = if missing { Operation::Create(0) } else { Operation::Snowfall(1) };
+        let Some(life) = &self.life else { return Err("there is no server".to_owned()) };
+        let sent =
+            client::send(life.sessions.clone(), name.to_owned(), operation.clone(), None, model);
+        let answer = self.wait("a request while nothing fails", async move |_| sent.await)?;
+        if let Err(why) = &answer {
+            return Err(format!("session '{name}': {operation:?} is refused: {why}"));
+        }
         let model = self.models.get_mut(name).expect("each has one");
         let place = model.ask(operation);
-        model.learn(place, Fate::Done);
+        model.learn(place, Fate::Done, &answer);
         Ok(())
     }
 
@@ -125,33 +136,35 @@ impl Simulation {
             // Reads may overtake changes of which nobody waits for the end.
             session.change(Change::Settings(SettingsPatch::default())).await?;
             let mass = session.mass().await?;
-            Ok((session.view(), mass, session.mirror().colliders.clone()))
+            let token = session.tokens().token.to_hex().to_string();
+            Ok((session.view(), mass, session.mirror().colliders.clone(), token))
         };
-        let (found, tick) = match self
+        let found = match self
             .wait("masses", look)
             .map_err(|why| format!("session '{name}': {why}"))?
         {
-            Ok((view, mass, objects)) => {
+            Ok((view, mass, objects, token)) => {
                 if mass.imbalance_quanta != 0 {
                     return Err(format!("session '{name}' is out of balance: {mass:?}"));
                 }
-                let fallen = (mass.fallen / grid.kilograms(1)).round() as u128;
                 let objects = objects.iter();
-                let state = State {
-                    fallen,
+                Some(Found {
+                    fallen: quanta(mass.fallen, &grid),
+                    cleared: quanta(mass.cleared, &grid),
                     air: view.settings.air_temperature as i32,
                     paused: view.settings.paused,
                     objects: objects
                         .map(|object| (object.id.parse().unwrap_or(u8::MAX), object.mass as u32))
                         .collect(),
-                };
-                (Some(state), view.tick)
+                    token,
+                    tick: view.tick,
+                })
             }
-            Err(SessionError::NotFound { .. }) => (None, u64::MAX),
+            Err(SessionError::NotFound { .. }) => None,
             Err(why) => return Err(format!("session '{name}' can't be read: {why}")),
         };
         let model = self.models.get_mut(name).expect("each has one");
-        model.find(found, tick).map_err(|why| format!("session '{name}': {why}"))
+        model.find(found).map_err(|why| format!("session '{name}': {why}"))
     }
 
     fn set_paused(&mut self, name: &'static str, paused: bool) -> Result<(), String> {
@@ -172,10 +185,17 @@ impl Simulation {
             self.set_paused(name, true)?;
             let digest = self.wait("a snapshot", async |sessions: Sessions| {
                 let session = sessions.get(name)?;
-                let digest = session.snapshot().await?.digest()?;
-                Ok((session.view().tick, digest))
+                let snapshot = session.snapshot().await?;
+                Ok((session.view().tick, snapshot.digest()?, snapshot.encode()?))
             })?;
-            digests.insert(name, digest.map_err(|why| format!("session '{name}': {why}"))?);
+            let (tick, digest, snapshot) =
+                digest.map_err(|why| format!("session '{name}': {why}"))?;
+            digests.insert(name, (tick, digest));
+            if self.dice.random_bool(0.1)
+                && let Some(model) = self.models.get_mut(name)
+            {
+                model.keep(snapshot.into());
+            }
         }
         for _ in 0..20 {
             self.round()?;

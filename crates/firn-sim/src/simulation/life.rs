@@ -54,15 +54,19 @@ impl Simulation {
     fn hear_the_last(&mut self, sessions: &Sessions) {
         for place in (0..self.waiting.len()).rev() {
             let request = &mut self.waiting[place];
+            // What was told already is asked again in the next life.
+            if request.first.is_some() {
+                continue;
+            }
             let (Some(asked), Some(model)) =
                 (request.place, self.models.get_mut(&*request.session))
             else {
                 continue;
             };
-            let Some(answer) = request.poll(sessions, &model.spec) else { continue };
+            let Some(answer) = request.poll(sessions, model) else { continue };
             let fate = client::fate(&answer);
             if request.once.is_none() || fate == Fate::Done {
-                model.learn(asked, fate);
+                model.learn(asked, fate, &answer);
                 self.waiting.swap_remove(place);
             }
         }

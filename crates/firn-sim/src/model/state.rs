@@ -1,0 +1,63 @@
+//! States of a session, as clients know them and as they find them.
+
+use std::collections::BTreeMap;
+
+use firn_protocol::SessionSpec;
+
+/// A session, as far as clients can know it.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct State {
+    /// Mass that has fallen, in quanta.
+    pub fallen: u128,
+    /// Temperature of the air \[°C\].
+    pub air: i32,
+    /// Whether its time stands still.
+    pub paused: bool,
+    /// Masses of its objects \[kg\].
+    pub objects: BTreeMap<u8, u32>,
+    /// Hash of its token; `None` where it has one that nobody was told.
+    pub token: Option<String>,
+    /// Which of its beginnings a reset brings it back to.
+    pub origin: usize,
+}
+
+/// A session, as somebody finds it.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// Mass that has fallen, in quanta.
+    pub fallen: u128,
+    /// Mass that was cleared, in quanta.
+    pub cleared: u128,
+    /// Temperature of the air \[°C\].
+    pub air: i32,
+    /// Whether its time stands still.
+    pub paused: bool,
+    /// Masses of its objects \[kg\].
+    pub objects: BTreeMap<u8, u32>,
+    /// Hash of its token.
+    pub token: String,
+    /// The tick that it has come to.
+    pub tick: u64,
+}
+
+impl State {
+    /// As it begins, by a spec after which so much snow has fallen.
+    pub fn new(spec: &SessionSpec, fallen: u128) -> State {
+        State {
+            fallen,
+            air: spec.air_temperature as i32,
+            paused: spec.paused,
+            objects: BTreeMap::new(),
+            token: None,
+            origin: 0,
+        }
+    }
+
+    /// Whether it can be what was found, with a token that is `fresh` or was known before.
+    pub fn is(&self, found: &Found, fresh: bool) -> bool {
+        let Found { fallen, air, paused, objects, token, .. } = found;
+        (self.fallen, self.air, self.paused) == (*fallen, *air, *paused)
+            && self.objects == *objects
+            && self.token.as_ref().map_or(fresh, |own| own == token)
+    }
+}
