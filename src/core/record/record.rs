@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::core::record::{Anchor, Checkpoint, Done, Entry, Epochs, Identity, Lock, Stored};
+use crate::core::record::{Anchor, Checkpoint, Done, Entry, Epochs, Exact, Identity, Lock, Stored};
 use crate::core::session::{Answer, Receipts};
 
 /// One thing to be made durable about a session.
@@ -155,6 +155,9 @@ impl Record {
             parts
                 .filter(|part| matches!(part, Part::Anchor(_)))
                 .for_each(|it| self.stored.enter(it));
+        } else if !matches!(self.stored.anchor.exact, Exact::Fixed(_)) {
+            // States were shown that are lost now, whether or not the session comes back to say so itself.
+            self.stored.anchor.exact = Exact::Fixed(self.stored.newest_seq());
         }
         let range = cut.first().map(|first| (first.position, self.position));
         (cut, range.filter(|_| shows))
@@ -262,6 +265,7 @@ mod tests {
         push(&mut record, entry(0));
         push(&mut record, Part::Anchor(Anchor::default()));
         assert_eq!(record.cut().1, Some((2, 4)), "with all that was on its way");
+        assert_eq!(record.stored.anchor.exact, Exact::Fixed(1), "what was shown since is lost");
         let step =
             Append { awaited: true, ..record.append(7, vec![Part::Anchor(Anchor::default())]) };
         record.push(&step, Vec::new());
