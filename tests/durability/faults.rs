@@ -5,8 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use firn::config::BackendChoice;
-use firn::driver::Durability;
-use firn::driver::{Driver, WorldConfig};
+use firn::driver::{Driver, Durability, Fault, WorldConfig};
 use firn::session::SessionError;
 use firn::store::{Loaded, Store, StoreError, Write};
 use firn_engine::cpu::CpuBackend;
@@ -229,6 +228,13 @@ async fn nobody_is_told_anything_before_a_start_is_on_disk() {
     until("it can't be written", async || !sessions.vitals().store.is_healthy()).await;
     assert!(!sessions.vitals().is_recovered());
     assert!(matches!(sessions.get(&id), Err(SessionError::Unavailable(_))));
+    // Nor does a device that is lost meanwhile wait for the disk.
+    sessions.sabotage(Fault::Panic).await;
+    until("the device is open again", async || {
+        sessions.vitals().rebuilds() == 1 && sessions.vitals().is_healthy()
+    })
+    .await;
+    assert!(!sessions.vitals().is_recovered());
     disk.fail(None);
     until("the session is back", async || sessions.vitals().is_recovered()).await;
     let now = sessions.get(&id).unwrap().view().seq;
