@@ -160,6 +160,7 @@ impl Thread {
                 Input::Break(Fault::Panic) => panic!("a test asked for this"),
                 Input::Stop(_) => {
                     self.end = Some(End::Stopping);
+                    self.journal.refuse_errands();
                     self.inputs.push_back(input);
                 }
                 input => self.inputs.push_back(input),

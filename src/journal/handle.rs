@@ -36,7 +36,9 @@ pub(crate) enum Task {
 
 /// The world's end of the journal.
 pub(crate) struct Journal {
-    tasks: Option<Arc<mpsc::Sender<Task>>>,
+    tasks: Option<mpsc::Sender<Task>>,
+    /// The way to it for what concerns all of the store, as long as that is taken.
+    errands: Option<Arc<mpsc::Sender<Task>>>,
     jobs: Option<mpsc::Sender<Job>>,
     verdicts: mpsc::Receiver<Verdict>,
     /// Empty where somebody else has the workers: then nothing tells whether they live.
@@ -66,7 +68,8 @@ impl Journal {
         let writer = Writer::new(store, incoming, teller(), keyed, vitals);
         let packer = Packer { jobs: to_encode, teller: teller() };
         let journal = Journal {
-            tasks: Some(Arc::new(tasks)),
+            errands: durable.then(|| Arc::new(tasks.clone())),
+            tasks: Some(tasks),
             jobs: Some(jobs),
             verdicts,
             threads: Vec::new(),
@@ -89,9 +92,14 @@ impl Journal {
         Ok(())
     }
 
-    /// What asks the store for what concerns all of it, until the journal stops.
+    /// What asks the store for what concerns all of it, until that is refused.
     pub fn keeper(&self) -> StoreKeeper {
-        StoreKeeper::of(self.tasks.as_ref().filter(|_| self.durable))
+        StoreKeeper::of(self.errands.as_ref())
+    }
+
+    /// Takes nothing more that concerns all of the store: a stop would have to wait for it.
+    pub fn refuse_errands(&mut self) {
+        self.errands = None;
     }
 
     /// Adds to what this frame has left.
@@ -158,6 +166,7 @@ impl Journal {
     pub fn stop(&mut self) {
         self.send();
         self.jobs = None;
+        self.errands = None;
         self.tasks = None;
         for thread in self.threads.drain(..) {
             if thread.join().is_err() {
