@@ -69,7 +69,7 @@ impl World {
         self.try_again();
     }
 
-    /// Notes what came of opening the device anew.
+    /// Takes in whether the device could be opened again.
     pub(crate) fn opened(&mut self, is_open: bool) {
         if !is_open {
             self.try_again();
@@ -109,10 +109,10 @@ impl World {
     }
 }
 
-/// What is told of a device that can't be used any more.
+/// Why requests are refused after the device has failed.
 pub(crate) const DEVICE_FAILED: &str = "the device has failed and is opened anew";
 
-/// The error of a request that nobody answers any more.
+/// The error that requests get once the server has stopped stepping.
 pub(crate) fn stopped() -> SessionError {
     SessionError::Unavailable("the engine has stopped".to_owned())
 }

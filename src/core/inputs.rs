@@ -174,7 +174,7 @@ impl World {
         }
     }
 
-    /// Takes a session out of the world. Whoever waits for it gets `why`.
+    /// Takes a session out of the world. Waiting requests are refused with `why`.
     pub(crate) fn remove(&mut self, key: u64, why: &SessionError) {
         let Some(simulation) = self.simulations.remove(&key) else { return };
         if self.checkpointing == Some(key) {

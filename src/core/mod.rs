@@ -1,6 +1,6 @@
 //! What happens to all sessions, step by step. The core has no thread, clock, channel, disk or chance of its own:
 //! it is told what has happened, and says what it wants done. The driver carries that out, and
-//! tells what came of it.
+//! reports the results.
 
 mod anchors;
 pub(crate) mod back;
@@ -168,7 +168,7 @@ pub(crate) enum Verdict {
     Durable(Vec<(u64, u64)>),
     /// None of these is, nor anything that follows, until sessions are written anew.
     Failed(Vec<(u64, u64)>, StoreError),
-    /// What came of writing sessions anew.
+    /// Whether sessions could be written anew.
     Rewritten(Result<(), StoreError>),
     /// A checkpoint of a session in one of its lives, where it could be made.
     Packed { key: u64, life: u64, checkpoint: Option<Arc<Checkpoint>> },

@@ -1,6 +1,6 @@
 //! What makes changes last: rows of them in a store, and a thread that commits those.
 //!
-//! The core hands over what came of each frame; it never waits for a disk. All that has been
+//! The core hands over the changes of each frame; it never waits for a disk. All that has been
 //! handed over while one batch was written goes into the next. The store itself is read only
 //! once, at the start.
 

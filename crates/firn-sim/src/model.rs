@@ -82,7 +82,7 @@ struct Asked {
 pub struct Model {
     /// What it is made with.
     pub spec: SessionSpec,
-    /// Snapshots of it: whoever makes it from one names its place among them, counted from 1.
+    /// Snapshots of it, oldest first. A request that restores one gives its number in this list, from 1.
     snapshots: Vec<Arc<[u8]>>,
     /// As it is when it has just been made: as the spec says, and from each snapshot.
     beginnings: Vec<State>,

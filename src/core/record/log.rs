@@ -31,7 +31,7 @@ pub(crate) struct Log {
     commands: Vec<Command>,
     /// Somebody waits until what the frame leaves is durable.
     awaited: bool,
-    /// What came of requests that carry a key.
+    /// Results of requests that carry a key.
     answered: Vec<Arc<Done>>,
     /// The session is still to be written.
     create: Option<Part>,

@@ -20,7 +20,7 @@ pub(crate) struct Stored {
     /// How far it has come.
     pub anchor: Anchor,
     pub epochs: Epochs,
-    /// What came of requests that carry a key, the oldest first.
+    /// Results of requests that carry a key, the oldest first.
     pub done: VecDeque<Arc<Done>>,
     /// Where it came back from a damaged file.
     pub lock: Option<Lock>,

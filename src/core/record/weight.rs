@@ -1,5 +1,5 @@
-//! Memory that the record of a session takes, kept up to date as it changes: whoever asks for it does
-//! not look at the record.
+//! Memory that the record of a session takes. The sum is updated with each change, so that reading it does not
+//! need the record.
 
 use std::collections::VecDeque;
 use std::mem::size_of;
@@ -26,7 +26,7 @@ impl Weight {
 }
 
 impl Stored {
-    /// Notes how much it takes, for whoever has the session.
+    /// Updates the sum that is read through the session.
     pub fn weigh(&self) {
         let origin = self.origin.as_ref().map_or(0, |origin| SHARED + origin.len());
         let checkpoint = self.checkpoint.as_ref().map_or(0, |saved| saved.bytes());
@@ -78,8 +78,7 @@ impl Command {
     }
 }
 
-/// Memory that what a session is created with takes beside its own size and the ground, which whoever has a
-/// copy shares \[bytes\].
+/// Heap memory of a session's specification \[bytes\]. The ground is left out: copies share it.
 pub(crate) fn heap_bytes(spec: &SessionSpec) -> usize {
     spec.initial_snow.capacity() * size_of::<SnowLayer>()
 }
