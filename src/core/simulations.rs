@@ -89,10 +89,9 @@ impl Simulations {
         some_of(&mut self.all, places.iter().copied())
     }
 
-    /// Has none of them in the coming frames. Returns those that were to be.
-    pub fn take_active(&mut self) -> Vec<u64> {
-        let active = std::mem::take(&mut self.active);
-        active.into_iter().filter_map(|place| self.key(place)).collect()
+    /// Has none of them in the coming frames.
+    pub fn clear_active(&mut self) {
+        self.active.clear();
     }
 
     /// Keys of all of them.

@@ -58,7 +58,7 @@ impl Snapshot {
         Ok(hasher.finalize())
     }
 
-    /// Makes sure that its mass is that of its ledger, as whoever reads it will.
+    /// Checks that its mass is that of its ledger. Every reader checks that too.
     ///
     /// # Errors
     /// [`SessionError::Invalid`].

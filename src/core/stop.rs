@@ -122,7 +122,7 @@ impl World {
         if !stop.wave.is_empty() {
             return true;
         }
-        self.simulations.take_active();
+        self.simulations.clear_active();
         let mut cells = 0;
         while cells < LAST_CHECKPOINTS
             && let Some(key) = stop.left.pop()

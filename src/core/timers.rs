@@ -5,8 +5,8 @@ use std::time::Instant;
 
 /// A deadline for each of some sessions.
 ///
-/// They are looked into when they come due and not before: whoever puts something off leaves the
-/// deadline as it is, and it is set anew when it turns out to be too early.
+/// They are looked at when they come due and not before. To put something off the deadline is left as it is;
+/// where it turns out to be too early, it is set anew then.
 #[derive(Debug, Default)]
 pub(crate) struct Deadlines {
     queue: BTreeSet<(Instant, u64)>,

@@ -1,4 +1,4 @@
-//! How the engine is doing, for whoever asks from another thread.
+//! How the engine is doing, for readers on other threads.
 
 pub(crate) mod store;
 

@@ -1,5 +1,5 @@
 //! The thread that commits: everything that has been handed over while one batch was written goes into the
-//! next, and whoever waits for it is told when it is durable.
+//! next, and waiting requests are told when it is durable.
 //!
 //! Where a commit fails, all of it and all that follows is refused, until the world has written anew what the
 //! store may hold wrongly.
@@ -189,7 +189,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Tells whoever waits, and the world, that a batch is durable.
+    /// Tells waiting requests, and the world, that a batch is durable.
     fn conclude(&mut self, batch: Vec<Append>) {
         for append in &batch {
             for part in &*append.parts {

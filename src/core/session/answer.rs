@@ -24,7 +24,7 @@ impl<T> Answer<T> {
         (Answer { sender, _place: place }, receiver)
     }
 
-    /// Answers. Whoever has gone away needs none.
+    /// Answers. A client that has gone away gets nothing.
     pub fn give(self, result: Result<T, SessionError>) {
         drop(self.sender.send(result));
     }

@@ -31,7 +31,7 @@ pub(crate) enum Request {
 }
 
 impl Request {
-    /// Tells whoever sent it why there is no answer.
+    /// Refuses it, and says why.
     pub fn refuse(self, why: &SessionError) {
         match self {
             Request::Change { reply, .. } => reply.refuse(why),

@@ -50,7 +50,7 @@ pub struct Simulation {
     pub(crate) log: Log,
     /// What it has to go through again before anything else.
     pub(crate) replay: Option<Replay>,
-    /// The newest frame has put off its ticks, so that whoever waits is answered first.
+    /// The newest frame has put off its ticks, so that waiting requests are answered first.
     pub(crate) answered_first: bool,
     /// Time stands still: it is about to hibernate.
     pub(crate) frozen: bool,

@@ -1,4 +1,4 @@
-//! How the store is doing, for whoever asks from another thread.
+//! How the store is doing, for readers on other threads.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
