@@ -5,28 +5,36 @@ var<immediate> work: Pass;
 @group(0) @binding(0) var<storage, read> sessions: array<Session>;
 @group(0) @binding(1) var<storage, read> runs: array<Run>;
 @group(0) @binding(2) var<storage, read> heights: array<u32>;
-@group(0) @binding(3) var<storage, read> ground: array<u32>;
+@group(0) @binding(3) var<storage, read> ground: array<Elevation>;
 @group(0) @binding(4) var<storage, read> colliders: array<Collider>;
 @group(0) @binding(5) var<storage, read> spans: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read_write> contacts: array<Contact>;
 
 const THREADS: u32 = 256u;
 
-var<workgroup> highest: atomic<u32>;
+// The bottom: its cells, counted from the lowest that there may be, and its fraction.
+var<workgroup> highest_cells: atomic<u32>;
+var<workgroup> highest_fraction: atomic<u32>;
 var<workgroup> support_low: atomic<u32>;
 var<workgroup> support_high: atomic<u32>;
 
-// Elevation of the footprint's column at an index into its bounding box; NONE beside it.
-fn elevation_at(session: Session, collider: Collider, index: u32) -> u32 {
+// Whole cells in the order of unsigned numbers.
+const SIGN: u32 = 0x80000000u;
+fn ordered(cells: i32) -> u32 {
+    return bitcast<u32>(cells) ^ SIGN;
+}
+
+// Surface of the footprint's column at an index into its bounding box; NONE as its fraction beside it.
+fn surface_at(session: Session, collider: Collider, index: u32) -> Elevation {
     let extent = collider.x1 - collider.x0;
     let row = index / extent;
     let x = collider.x0 + index % extent;
     let span = spans[collider.first_span + row];
     if x < span.x || x >= span.y {
-        return NONE;
+        return Elevation(0, NONE);
     }
     let column = column_index(session, x, collider.z0 + row);
-    return ground[column] + (heights[column] >> 1u);
+    return surface_of(ground[column], heights[column]);
 }
 
 @compute @workgroup_size(256)
@@ -49,21 +57,29 @@ fn contact(
     let places = (collider.x1 - collider.x0) * collider.rows;
 
     for (var i = thread; i < places; i += THREADS) {
-        let elevation = elevation_at(session, collider, i);
-        if elevation != NONE {
-            atomicMax(&highest, elevation);
+        let surface = surface_at(session, collider, i);
+        if surface.fraction != NONE {
+            atomicMax(&highest_cells, ordered(surface.cells));
         }
     }
     workgroupBarrier();
-    let bottom = atomicLoad(&highest);
+    let cells = atomicLoad(&highest_cells);
+    for (var i = thread; i < places; i += THREADS) {
+        let surface = surface_at(session, collider, i);
+        if surface.fraction != NONE && ordered(surface.cells) == cells {
+            atomicMax(&highest_fraction, surface.fraction);
+        }
+    }
+    workgroupBarrier();
+    let bottom = Elevation(bitcast<i32>(cells ^ SIGN), atomicLoad(&highest_fraction));
 
     // Sums of integers don't depend on their order.
     var low = 0u;
     var high = 0u;
     for (var i = thread; i < places; i += THREADS) {
-        let elevation = elevation_at(session, collider, i);
-        if elevation != NONE {
-            let units = share_units(bottom, elevation);
+        let surface = surface_at(session, collider, i);
+        if surface.fraction != NONE {
+            let units = share_units(bottom, surface);
             low += units;
             high += select(0u, 1u, low < units);
         }
@@ -78,25 +94,25 @@ fn contact(
     }
 }
 
-fn write_contact(collider: Collider, bottom: u32, support: vec2<u32>) {
+fn write_contact(collider: Collider, bottom: Elevation, support: vec2<u32>) {
     let old = contacts[collider.contact];
     let placed = (work.flags & AFTER_EDITS) != 0u && collider.placed != 0u;
-    let same = old.last_bottom == bottom && old.last_support_low == support.x
-        && old.last_support_high == support.y;
+    let same = old.last_bottom.cells == bottom.cells && old.last_bottom.fraction == bottom.fraction
+        && old.last_support_low == support.x && old.last_support_high == support.y;
     let sum = f32(support.y) * 4294967296.0 + f32(support.x);
     let area = collider.area * (sum / (f32(collider.columns) * f32(CONTACT_DEPTH)));
-    var fresh: Contact;
+    var fresh = old;
     fresh.bottom = bottom;
-    fresh.reference = select(old.reference, bottom, placed);
+    if placed {
+        fresh.reference = bottom;
+        fresh.last_bottom = Elevation(0, NONE);
+    }
     fresh.support_low = support.x;
     fresh.support_high = support.y;
     fresh.area = area;
     fresh.pressure = collider.weight / area;
     fresh.width = sqrt(area);
     fresh.resting = select(0u, 1u, same && !placed);
-    fresh.last_bottom = select(old.last_bottom, NONE, placed);
-    fresh.last_support_low = old.last_support_low;
-    fresh.last_support_high = old.last_support_high;
     if collider.runs != 0u {
         fresh.last_bottom = bottom;
         fresh.last_support_low = support.x;

@@ -5,7 +5,7 @@ var<immediate> work: Pass;
 @group(0) @binding(0) var<storage, read> sessions: array<Session>;
 @group(0) @binding(1) var<storage, read> tiles: array<Tile>;
 @group(0) @binding(2) var<storage, read> filled: array<u32>;
-@group(0) @binding(3) var<storage, read> ground: array<u32>;
+@group(0) @binding(3) var<storage, read> ground: array<Elevation>;
 @group(0) @binding(4) var<storage, read> sample_jobs: array<SampleJob>;
 @group(0) @binding(5) var<storage, read_write> samples: array<Sample>;
 @group(0) @binding(6) var<storage, read> mass: array<u32>;
@@ -77,8 +77,14 @@ fn sample(
     let first = job.first + k * job.height * job.width + i;
     let place = Target(first, job.width, job.y0, job.height, session.metres * f32(CELL));
 
-    var y = ground[column] / (CELL / 2u);
-    var full = ground[column] % (CELL / 2u) * 2u;
+    // The column begins inside the cell that its ground ends in.
+    var y = 0u;
+    var full = 0u;
+    if job.floor.fraction != NONE {
+        let above = ground[column];
+        y = u32(above.cells - job.floor.cells) - u32(above.fraction < job.floor.fraction);
+        full = (above.fraction - job.floor.fraction) % CELL;
+    }
     for (var j = job.y0; j < job.y0 + job.height; j++) {
         write_sample(place, j, sample_of_content(select(AIR, GROUND, j < y)));
     }

@@ -9,7 +9,7 @@ var<immediate> work: Pass;
 @group(0) @binding(3) var<storage, read_write> states: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read> heights: array<u32>;
 @group(0) @binding(5) var<storage, read> filled: array<u32>;
-@group(0) @binding(6) var<storage, read> ground: array<u32>;
+@group(0) @binding(6) var<storage, read> ground: array<Elevation>;
 @group(0) @binding(7) var<storage, read> colliders: array<Collider>;
 @group(0) @binding(8) var<storage, read> spans: array<vec2<u32>>;
 @group(0) @binding(9) var<storage, read> contacts: array<Contact>;
@@ -28,7 +28,7 @@ const KEPT: u32 = 4u;
 var<workgroup> any_changed: atomic<u32>;
 
 // Surface stress and width of a load on a column; nothing where the object is not above it.
-fn load_on(session: Session, load: u32, position: vec2<u32>, elevation: u32) -> vec2<f32> {
+fn load_on(session: Session, load: u32, position: vec2<u32>, surface: Elevation) -> vec2<f32> {
     let collider = colliders[load];
     let row = position.y - collider.z0;
     if position.y < collider.z0 || row >= collider.rows {
@@ -39,7 +39,7 @@ fn load_on(session: Session, load: u32, position: vec2<u32>, elevation: u32) -> 
         return vec2(0.0);
     }
     let contact = contacts[collider.contact];
-    let share = f32(share_units(contact.bottom, elevation)) / f32(CONTACT_DEPTH);
+    let share = f32(share_units(contact.bottom, surface)) / f32(CONTACT_DEPTH);
     return vec2(contact.pressure * share, contact.width);
 }
 
@@ -94,7 +94,7 @@ fn evaluate_stress(
     }
     let position = column_position(session, tile, column);
     let place = tile * TILE_COLUMNS + column;
-    let elevation = ground[place] + (heights[place] >> 1u);
+    let surface = surface_of(ground[place], heights[place]);
 
     // Loads on this column: the first ones, and where the rest begin.
     var kept: array<vec2<f32>, KEPT>;
@@ -102,7 +102,7 @@ fn evaluate_stress(
     var next = job.first_load;
     let end = job.first_load + job.loads;
     while next < end && count < KEPT {
-        let load = load_on(session, loads[next], position, elevation);
+        let load = load_on(session, loads[next], position, surface);
         if load.x > 0.0 {
             kept[count] = load;
             count++;
@@ -129,7 +129,7 @@ fn evaluate_stress(
                 load_stress += kept[j].x * spread(session.load_distribution, depth, kept[j].y, rank == 0u);
             }
             for (var j = next; j < end; j++) {
-                let more = load_on(session, loads[j], position, elevation);
+                let more = load_on(session, loads[j], position, surface);
                 if more.x > 0.0 {
                     load_stress += more.x * spread(session.load_distribution, depth, more.y, rank == 0u);
                 }

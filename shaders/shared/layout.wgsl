@@ -10,10 +10,9 @@ const CELL: u32 = 1u << 24u;
 const MASS_QUANTUM: f32 = 1.0 / 262144.0;
 // [m/s2]
 const GRAVITY: f32 = 9.81;
-// Depth over which contact is soft, in elevation units.
-const CONTACT_DEPTH: u32 = 419430u;
-// A tile without a session, a column beside a footprint, the bottom of an object that has been through
-// no cycle.
+// Depth over which contact is soft, in thickness quanta.
+const CONTACT_DEPTH: u32 = 838861u;
+// A tile without a session; as a fraction, no elevation.
 const NONE: u32 = 0xffffffffu;
 
 // Bits of a tile's state.
@@ -34,6 +33,12 @@ const PARTED: u32 = 16u;  // a part of the cycles is done, on tiles that the hos
 const AFTER_EDITS: u32 = 1u;    // nothing may be skipped
 const BACKWARDS: u32 = 2u;      // a list of tiles is gone through from its end
 const UNDER_OBJECTS: u32 = 4u;  // the listed tiles are those under objects, after the first cycle
+
+// An elevation: whole cells above level 0, rounded down, and quanta above those.
+struct Elevation {
+    cells: i32,
+    fraction: u32,
+}
 
 // A snowpack's constants.
 struct Session {
@@ -106,8 +111,8 @@ struct Collider {
 
 // How an object touches the snow.
 struct Contact {
-    bottom: u32,
-    reference: u32,
+    bottom: Elevation,
+    reference: Elevation,
     support_low: u32,
     support_high: u32,
     area: f32,
@@ -117,7 +122,7 @@ struct Contact {
     // Not 0 where bottom and support were those of the last cycle before, when they were evaluated.
     resting: u32,
     // Those of the last cycle; NONE for the bottom where there was none since it was placed.
-    last_bottom: u32,
+    last_bottom: Elevation,
     last_support_low: u32,
     last_support_high: u32,
 }
@@ -179,7 +184,8 @@ struct SampleJob {
     depth: u32,
     // Cycle length over the reference cell size [s/m].
     rate: f32,
-    padding: u32,
+    // What cells along y are counted from; NONE as its fraction for each column's ground.
+    floor: Elevation,
 }
 
 // A cell of the fixed grid, or sums over a part of one.
@@ -227,10 +233,4 @@ fn column_position(session: Session, tile: u32, column: u32) -> vec2<u32> {
     let index = tile - session.first_tile;
     let corner = vec2(index % session.tiles_x, index / session.tiles_x) * TILE_SIDE;
     return corner + vec2(column % TILE_SIDE, column / TILE_SIDE);
-}
-
-// A column's share of contact in units of 1/CONTACT_DEPTH.
-fn share_units(bottom: u32, elevation: u32) -> u32 {
-    let below = bottom - elevation;
-    return select(0u, CONTACT_DEPTH - below, below < CONTACT_DEPTH);
 }

@@ -95,7 +95,7 @@ impl Bed {
             engine = Engine::Gpu(Box::new(gpu));
         }
         let mut bed = Bed { engine, grid, depth, clock };
-        let layout = Layout { grid, material: Material::default(), ground: Vec::new() };
+        let layout = Layout { grid, material: Material::default(), ground: Default::default() };
         bed.backend().create(0, &layout)?;
         bed.lay_snow()?;
         Ok(bed)

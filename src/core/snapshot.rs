@@ -21,7 +21,8 @@ use crate::core::session::{Invalid, Limits, Reach, SessionError, SessionState, S
 pub const MEDIA_TYPE: &str = "application/vnd.firn.snapshot";
 
 const MAGIC: &[u8; 8] = b"FIRNSNOW";
-const VERSION: u32 = 1;
+/// The version that is written; earlier ones are read too.
+const VERSION: u32 = 2;
 /// Magic, version, four bytes that are 0, and the digest.
 const HEAD: usize = 48;
 /// Most bytes of the description, which is JSON.
@@ -181,9 +182,9 @@ fn describe<'b>(
         return Err(refused("it does not begin as a snapshot does"));
     }
     let version = u32::from_le_bytes([head[8], head[9], head[10], head[11]]);
-    if version != VERSION || head[12..16] != [0; 4] {
+    if !(1..=VERSION).contains(&version) || head[12..16] != [0; 4] {
         return Err(refused(&format!(
-            "it has version {version} of the format; this server reads version {VERSION}"
+            "it has version {version} of the format; this server reads versions up to {VERSION}"
         )));
     }
     let mut reader = Body::open(compressed)?;
@@ -200,8 +201,11 @@ fn describe<'b>(
     ask_for(numbers * BYTES_PER_NUMBER).map_err(|error| {
         SessionError::NoMemory(format!("there is no memory for the description: {error}"))
     })?;
-    let description: Description = serde_json::from_slice(&description)
+    let mut description: Description = serde_json::from_slice(&description)
         .map_err(|error| refused(&format!("its description can't be read: {error}")))?;
+    if version == 1 {
+        description.bring_up_to_date();
+    }
     Ok((head, reader, description))
 }
 

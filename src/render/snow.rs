@@ -14,7 +14,7 @@ pub struct Snow {
     pub ground: Vec<f32>,
     /// Snow depth of each column \[m\].
     pub depth: Vec<f32>,
-    /// Cells of the fixed grid, x fastest, then y, then z; empty where only the surface was read.
+    /// Cells of the fixed grid above each column's ground, x fastest, then y, then z; empty where only the surface was read.
     pub cells: Vec<Sample>,
     /// Objects on the snow; their bottoms are elevations above the lowest ground.
     pub colliders: Vec<ColliderView>,
@@ -75,7 +75,7 @@ impl Snow {
         self.ground.len()
     }
 
-    /// The cells of a column from the lowest ground up.
+    /// The cells of a column from its ground up.
     pub fn column(&self, column: usize) -> impl Iterator<Item = &Sample> {
         let (width, height) = (self.width(), self.cells.len() / self.columns());
         let (x, z) = (column % width, column / width);
@@ -84,12 +84,13 @@ impl Snow {
 
     /// The snow cells of a column, from the ground up.
     pub fn snow_cells(&self, column: usize) -> impl Iterator<Item = SnowCell<'_>> {
-        let mut bottom = self.ground[column];
+        let ground = self.ground[column];
+        let mut bottom = ground;
         self.column(column).zip(0u16..).filter(|(sample, _)| sample.content() == Content::Snow).map(
             move |(sample, y)| {
                 let low = bottom;
                 bottom += sample.fill * self.cell_size;
-                let middle = (f32::from(y) + 0.5) * self.cell_size;
+                let middle = ground + (f32::from(y) + 0.5) * self.cell_size;
                 SnowCell { sample, bottom: low, top: bottom, middle }
             },
         )

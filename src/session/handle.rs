@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use firn_engine::frame::cell_bytes;
-use firn_protocol::{SessionSpec, SessionView, State};
+use firn_protocol::{Reference, SessionSpec, SessionView, State};
 use firn_snow::CELL;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
@@ -160,9 +160,12 @@ impl Session {
     }
 
     /// Cells of the fixed grid along y: the slots of a column, on the highest ground.
-    pub fn sampled_height(&self) -> u32 {
-        let (lowest, highest) = self.ground;
-        let highest = self.spec.grid.thickness_quanta(highest - lowest);
-        self.spec.grid.height + highest.div_ceil(u64::from(CELL)) as u32
+    pub fn sampled_height(&self, reference: Reference) -> u32 {
+        let ground = match reference {
+            Reference::Lowest => self.ground.1 - self.ground.0,
+            Reference::Ground => 0.0,
+        };
+        let ground = self.spec.grid.thickness_quanta(ground);
+        self.spec.grid.height + ground.div_ceil(u64::from(CELL)) as u32
     }
 }

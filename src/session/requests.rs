@@ -4,15 +4,14 @@ use std::sync::atomic::Ordering;
 
 use firn_engine::frame::TileCells;
 use firn_protocol::{ColumnView, MassView, SessionView, StepSpec};
-use firn_snow::ColumnRect;
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
 
 use crate::core::device::stopped;
 use crate::core::record::Once;
 use crate::core::session::{
-    Answer, Applied, Change, Invalid, Place, Receipted, Request, Sampled, SessionError, Simulation,
-    gather,
+    Answer, Applied, CellBox, Change, Invalid, Place, Receipted, Request, Sampled, SessionError,
+    Simulation, gather,
 };
 use crate::core::snapshot::Snapshot;
 use crate::core::{Control, Input};
@@ -119,22 +118,17 @@ impl Session {
         Ok(self.gather(tiles).await?.tiles)
     }
 
-    /// The fixed grid's cells `y0..y0 + height` of some columns inside the grid.
+    /// Cells of the fixed grid.
     ///
     /// # Errors
     /// [`SessionError::Invalid`] where they are more than [`gather::MOST_SAMPLES`].
-    pub async fn sample(
-        &self,
-        columns: ColumnRect,
-        y0: u32,
-        height: u32,
-    ) -> Result<Sampled, SessionError> {
-        let cells = columns.columns().saturating_mul(u64::from(height));
+    pub async fn sample(&self, wanted: CellBox) -> Result<Sampled, SessionError> {
+        let cells = wanted.cells();
         if cells > gather::MOST_SAMPLES {
             let detail = format!("{cells} cells; at most {} at a time", gather::MOST_SAMPLES);
             return Err(SessionError::Invalid(vec![Invalid { pointer: String::new(), detail }]));
         }
-        self.ask(|reply| Request::Sample { columns, y0, height, reply }).await
+        self.ask(|reply| Request::Sample { wanted, reply }).await
     }
 
     /// Gives it other tokens. When this returns that is durable, the old ones have stopped working,

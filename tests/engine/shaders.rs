@@ -129,6 +129,7 @@ fn host_and_shaders_agree_on_every_struct() {
             runs,
         }
     );
+    compare_layout!(module, Elevation { cells, fraction });
     compare_layout!(
         module,
         Contact {
@@ -152,7 +153,7 @@ fn host_and_shaders_agree_on_every_struct() {
     compare_layout!(module, OperationResult { low, high });
     compare_layout!(
         module,
-        SampleJob { session, first, x0, y0, z0, width, height, depth, rate, padding }
+        SampleJob { session, first, x0, y0, z0, width, height, depth, rate, floor }
     );
     compare_layout!(module, Pass { first, count, cycle, cycles, page, flags, length });
 }
@@ -177,7 +178,7 @@ fn shared_constants_are_the_same() {
         ("CELL", firn_snow::CELL),
         ("CONTACT_DEPTH", firn_snow::CONTACT_DEPTH),
         ("NONE", layout::NO_SESSION),
-        ("NONE", layout::NO_CYCLE),
+        ("NONE", layout::Elevation::NONE.fraction),
         ("AWAKE", layout::AWAKE),
         ("DIRTY", layout::DIRTY),
         ("LOADED", layout::LOADED),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use firn_engine::frame::{
     Backend, Contents, Edit, Placement, Run, SampleBox, TileCells, Work, WorkOutcome,
 };
-use firn_snow::{Contact, Grid, Material, Sample, Shape};
+use firn_snow::{Contact, Elevation, Floor, Grid, Material, Sample, Shape};
 
 use crate::support::*;
 
@@ -144,6 +144,7 @@ pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> St
             work(backend, Work { slot: 0, edits: idle(), wake, run, ..Work::default() });
             edit(backend, 0, idle());
         }
+        let floor = Floor::Level(Elevation::default());
         let all = Work {
             slot: 0,
             edits,
@@ -152,7 +153,7 @@ pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> St
             publish: true,
             tally: true,
             gather: (0..GRID.tiles()).collect(),
-            samples: vec![SampleBox { columns: dice.rect(&GRID), y0: 2, height: 9, dt }],
+            samples: vec![SampleBox { columns: dice.rect(&GRID), floor, y0: 2, height: 9, dt }],
             ..Work::default()
         };
         let outcome = match frames {

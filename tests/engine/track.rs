@@ -1,7 +1,7 @@
 //! An object that travels: it leaves a track, and the snow carries its weight at every tick.
 
 use firn_engine::frame::{Backend, Edit, Run, Work};
-use firn_snow::{Footprint, GRAVITY, Grid, Material, Position, Shape, elevation, share};
+use firn_snow::{Elevation, Footprint, GRAVITY, Grid, Material, Position, Shape, share};
 
 use crate::support::*;
 
@@ -36,7 +36,9 @@ fn travel(backend: &mut dyn Backend) {
             .map(|(x, z)| {
                 let (tile, column) = grid.locate(x, z);
                 let height = tiles[tile as usize].column(column).map(|cell| cell.thickness).sum();
-                f64::from(contact.pressure * share(contact.bottom, elevation(0, height)))
+                f64::from(
+                    contact.pressure * share(contact.bottom, Elevation::default().under(height)),
+                )
             })
             .sum::<f64>()
             * footprint.area

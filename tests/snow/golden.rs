@@ -224,7 +224,7 @@ impl Trial {
         let (_, contact): (_, &Contact) =
             self.snowpack.contacts().find(|(name, _)| &***name == id).expect("it stands there");
         let relative = tolerance.pressure_relative.expect("a tolerance for pressures");
-        let bottom = self.spec.grid.metres(2 * u64::from(contact.bottom));
+        let bottom = contact.bottom.metres(&self.spec.grid);
         near(&format!("bottom of {id}"), bottom, touch.bottom, tolerance.height);
         let (area, pressure) = (f64::from(contact.area), f64::from(contact.pressure));
         near(&format!("area of {id}"), area, touch.contact_area, relative * touch.contact_area);

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use firn_snow::{
-    CELL, Cell, ColumnRect, Contact, Footprint, GRAVITY, Grid, Material, Position, Shape, Snowpack,
-    elevation, share,
+    CELL, Cell, ColumnRect, Contact, Elevation, Footprint, GRAVITY, Grid, Material, Position,
+    Shape, Snowpack, share,
 };
 use proptest::prelude::*;
 
@@ -14,8 +14,8 @@ fn grid() -> Grid {
 }
 
 /// Ground that rises by up to half a cell.
-fn ground() -> Vec<u32> {
-    (0..grid().columns() as u32).map(|i| i * 7919 % (CELL / 4)).collect()
+fn ground() -> Vec<f64> {
+    (0..grid().columns()).map(|i| -14_000.0 + 0.001 * (i * 7919 % 100) as f64).collect()
 }
 
 fn rect() -> impl Strategy<Value = ColumnRect> {
@@ -136,7 +136,7 @@ proptest! {
             .iter()
             .map(|(x, z)| {
                 let ground = ground()[(z * grid().width + x) as usize];
-                let surface = elevation(ground, snowpack.column(x, z).height());
+                let surface = Elevation::new(&grid(), ground).under(snowpack.column(x, z).height());
                 let stress = contact.pressure * share(contact.bottom, surface);
                 f64::from(stress) * footprint.area / f64::from(footprint.columns)
             })

@@ -7,7 +7,9 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
-use firn_snow::{Cell, ColumnRect, Contact, Footprint, Grid, Material, Sample, TILE_COLUMNS};
+use firn_snow::{
+    Cell, ColumnRect, Contact, Floor, Footprint, Grid, Material, Sample, TILE_COLUMNS,
+};
 
 use crate::reserve::try_filled;
 
@@ -40,8 +42,8 @@ pub struct Layout {
     pub grid: Grid,
     /// Material constants.
     pub material: Material,
-    /// Ground elevation of each column in elevation units, row by row; empty for level ground.
-    pub ground: Vec<u32>,
+    /// Ground elevation of each column \[m\], row by row; empty for level ground at 0.
+    pub ground: Arc<[f64]>,
 }
 
 /// Everything that is to happen in one frame; sessions are independent of each other.
@@ -91,7 +93,9 @@ impl Work {
 pub struct SampleBox {
     /// The columns.
     pub columns: ColumnRect,
-    /// First cell above the lowest ground.
+    /// Where cells along y are counted from.
+    pub floor: Floor,
+    /// First cell along y.
     pub y0: u32,
     /// Cells along y.
     pub height: u32,
@@ -141,6 +145,8 @@ pub enum Edit {
         /// Its id.
         id: Arc<str>,
     },
+    /// Other ground under the snow: the elevation of each column \[m\], row by row; empty for level ground at 0.
+    SetGround(Arc<[f64]>),
     /// Other material constants. They come with `Work::wake` or a restore.
     SetMaterial(Material),
     /// Everything is replaced by what was saved. Contacts and stresses are not evaluated.

@@ -2,9 +2,9 @@
 
 use std::collections::TryReserveError;
 
-use firn_snow::{Snowpack, TILE_COLUMNS};
+use firn_snow::Snowpack;
 
-use crate::reserve::{ask_for, try_filled};
+use crate::reserve::ask_for;
 
 use super::frame::{EngineError, Layout};
 
@@ -23,7 +23,6 @@ pub enum Maker {
 /// An empty snowpack that a backend can take in.
 #[derive(Debug)]
 pub struct Made {
-    /// What it is made with, but for the ground.
     pub(super) layout: Layout,
     pub(super) kind: Kind,
 }
@@ -31,8 +30,8 @@ pub struct Made {
 #[derive(Debug)]
 pub(super) enum Kind {
     Columns(Box<Snowpack>),
-    /// The ground of each column of each tile; empty where it is level.
-    Rows(Vec<u32>),
+    /// All is written by the backend itself, a part at a time.
+    Rows,
 }
 
 impl Maker {
@@ -47,25 +46,14 @@ impl Maker {
         })
     }
 
-    fn try_make(self, mut layout: Layout) -> Result<Made, TryReserveError> {
-        let ground = std::mem::take(&mut layout.ground);
-        let Layout { grid, material, .. } = layout;
+    fn try_make(self, layout: Layout) -> Result<Made, TryReserveError> {
+        let Layout { grid, material, ground } = &layout;
         let kind = match self {
             Maker::Columns { always_awake } => {
-                ask_for(Snowpack::bytes(&grid))?;
-                Kind::Columns(Box::new(Snowpack::new(grid, material, &ground, always_awake)?))
+                ask_for(Snowpack::bytes(grid))?;
+                Kind::Columns(Box::new(Snowpack::new(*grid, *material, ground, always_awake)?))
             }
-            Maker::Rows if ground.is_empty() => Kind::Rows(ground),
-            Maker::Rows => {
-                let mut rows = try_filled(grid.padded_columns() as usize, 0)?;
-                for (z, line) in (0..).zip(ground.chunks(grid.width as usize)) {
-                    for (x, elevation) in (0..).zip(line) {
-                        let (tile, column) = grid.locate(x, z);
-                        rows[(tile * TILE_COLUMNS + column) as usize] = *elevation;
-                    }
-                }
-                Kind::Rows(rows)
-            }
+            Maker::Rows => Kind::Rows,
         };
         Ok(Made { layout, kind })
     }

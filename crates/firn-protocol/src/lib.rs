@@ -40,7 +40,7 @@ pub use session::{
     CreatedSession, SessionSpec, SessionView, Settings, SettingsPatch, SnowLayer, Stamp, State,
     StepSpec, Summary, Terrain,
 };
-pub use snow::{ColumnView, LayerView, MassView, WeakLayerView};
+pub use snow::{ColumnView, LayerView, MassView, Reference, WeakLayerView};
 pub use store::{CompactReply, VerifyReply};
 pub use subscription::{ColumnRegion, Resume, Subscribe, Update};
 pub use usage::{MemoryBytes, UsageView};

@@ -4,6 +4,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::session::Stamp;
 
+/// What the cells of the fixed grid are counted from, along y.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum Reference {
+    /// The lowest ground of the session.
+    #[default]
+    Lowest,
+    /// The ground of each column.
+    Ground,
+}
+
 /// One column's material cells.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]

@@ -1,26 +1,20 @@
 //! How objects that stand on the snow touch it.
 
+use super::elevation::Elevation;
 use super::footprint::Footprint;
 use super::grid::CELL;
 use super::material::GRAVITY;
 
-/// Depth δ = h/20 over which contact is soft, in elevation units.
-pub const CONTACT_DEPTH: u32 = (CELL / 2 + 10) / 20;
-
-/// Elevation of a column's surface in units of h·2⁻²³, half the resolution of thickness, so that
-/// the highest terrain and the deepest snow fit 32 bits together.
-#[inline]
-pub fn elevation(ground: u32, height: u32) -> u32 {
-    ground + (height >> 1)
-}
+/// Depth δ = h/20 over which contact is soft, in thickness quanta.
+pub const CONTACT_DEPTH: u32 = (CELL + 10) / 20;
 
 /// How high an object stands on the snow, and on how much of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Footing {
-    /// Elevation of the bottom, in elevation units.
-    pub bottom: u32,
+    /// Elevation of the bottom.
+    pub bottom: Elevation,
     /// Σ of the columns' shares s, in units of 1/`CONTACT_DEPTH`.
     pub support: u64,
 }
@@ -30,10 +24,10 @@ pub struct Footing {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Contact {
-    /// Elevation of the bottom, in elevation units.
-    pub bottom: u32,
-    /// Bottom when the object was placed or last moved, in elevation units.
-    pub reference: u32,
+    /// Elevation of the bottom.
+    pub bottom: Elevation,
+    /// Bottom when the object was placed or last moved.
+    pub reference: Elevation,
     /// Σ of the columns' shares s, in units of 1/`CONTACT_DEPTH`.
     pub support: u64,
     /// Contact area A \[m²\].
@@ -55,9 +49,9 @@ impl Contact {
     pub fn evaluate(
         footprint: &Footprint,
         mass: f64,
-        elevations: impl Iterator<Item = u32> + Clone,
+        elevations: impl Iterator<Item = Elevation> + Clone,
     ) -> Contact {
-        let bottom = elevations.clone().max().unwrap_or(0);
+        let bottom = elevations.clone().max().unwrap_or_default();
         let support = elevations.map(|e| u64::from(share_units(bottom, e))).sum();
         let full = u64::from(footprint.columns) * u64::from(CONTACT_DEPTH);
         let area = footprint.area as f32 * (support as f32 / full as f32);
@@ -75,14 +69,15 @@ impl Contact {
 /// A column's share s of contact in units of 1/`CONTACT_DEPTH`: 1 at the bottom's level, 0 from δ
 /// below it.
 #[inline]
-pub fn share_units(bottom: u32, elevation: u32) -> u32 {
-    CONTACT_DEPTH.saturating_sub(bottom - elevation)
+pub fn share_units(bottom: Elevation, surface: Elevation) -> u32 {
+    let below = (bottom - surface).clamp(0, CONTACT_DEPTH.into());
+    CONTACT_DEPTH - below as u32
 }
 
 /// A column's share s of contact, from 0 to 1.
 #[inline]
-pub fn share(bottom: u32, elevation: u32) -> f32 {
-    share_units(bottom, elevation) as f32 / CONTACT_DEPTH as f32
+pub fn share(bottom: Elevation, surface: Elevation) -> f32 {
+    share_units(bottom, surface) as f32 / CONTACT_DEPTH as f32
 }
 
 #[cfg(test)]
@@ -97,31 +92,27 @@ mod tests {
         let footprint =
             Footprint::new(&grid, &shape, Position { x: 0.8, z: 0.5 }).expect("it fits");
         assert_eq!(footprint.columns, 4);
-        let top = 5 * CELL;
-        // Half of δ below the top carries half, δ and more below it nothing.
-        let elevations =
-            [top, top - CONTACT_DEPTH / 2, top - CONTACT_DEPTH, top - 3 * CONTACT_DEPTH];
-        let contact = Contact::evaluate(&footprint, 10.0, elevations.into_iter());
+        let top = Elevation::of_cells(5, 0);
+        // Half of δ below the top carries half, δ and more below it nothing, a chasm neither.
+        let depths = [0, CONTACT_DEPTH / 2, CONTACT_DEPTH, 3 * CONTACT_DEPTH];
+        let below = |depth: u32| Elevation(top.0 - i64::from(depth));
+        let chasm = Elevation::of_cells(-65_536, 9);
+        let elevations = depths.map(below).into_iter().chain([chasm]);
+        let contact = Contact::evaluate(&footprint, 10.0, elevations);
         assert_eq!((contact.bottom, contact.reference), (top, top));
         let half = u64::from(CONTACT_DEPTH - CONTACT_DEPTH / 2);
         assert_eq!(contact.support, u64::from(CONTACT_DEPTH) + half);
         assert!((contact.area - 0.16 * 1.5 / 4.0).abs() < 1e-6);
         assert!((contact.pressure - 98.1 / 0.06).abs() < 0.01);
         assert_eq!(share(top, top), 1.0);
-        assert_eq!(share(top, 0), 0.0);
-    }
-
-    #[test]
-    fn the_highest_surface_fits_an_elevation() {
-        let terrain = 64 * (CELL / 2);
-        assert_eq!(elevation(terrain, 255 * CELL), terrain + 255 * (CELL / 2));
-        assert_eq!(elevation(7, 5), 9);
+        assert_eq!(share(top, chasm), 0.0);
     }
 
     #[cfg(feature = "serde")]
     #[test]
     fn a_contact_that_was_saved_without_its_last_cycle_is_read() {
-        let contact = Contact { bottom: 7, reference: 9, support: 5, ..Contact::default() };
+        let (bottom, reference) = (Elevation(7), Elevation(9));
+        let contact = Contact { bottom, reference, support: 5, ..Contact::default() };
         let mut saved = serde_json::to_value(contact).unwrap();
         assert!(saved.as_object_mut().unwrap().remove("last_cycle").is_some());
         assert_eq!(serde_json::from_value::<Contact>(saved).unwrap(), contact);

@@ -16,7 +16,7 @@ pub const TILE_COLUMNS: u32 = TILE_SIDE * TILE_SIDE;
 pub const MAX_COLUMN_MASS: f64 = 16_000.0;
 
 /// Largest difference between two ground elevations, in cells.
-pub const MAX_TERRAIN_CELLS: f64 = 64.0;
+pub const MAX_RELIEF_CELLS: u32 = 65_536;
 
 /// Size of a snowpack: columns along x and z, slots along y.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -30,6 +30,7 @@
 
 mod column;
 mod contact;
+mod elevation;
 mod footprint;
 mod grid;
 mod material;
@@ -38,14 +39,14 @@ mod sample;
 mod snowpack;
 
 pub use column::{Cell, Column, SurfaceLoad};
-pub use contact::{CONTACT_DEPTH, Contact, Footing, elevation, share, share_units};
+pub use contact::{CONTACT_DEPTH, Contact, Footing, share, share_units};
+pub use elevation::Elevation;
 pub use footprint::{Footprint, Position, Shape};
 pub use grid::{
-    CELL, ColumnRect, Grid, MASS_QUANTA, MAX_COLUMN_MASS, MAX_TERRAIN_CELLS, TILE_COLUMNS,
-    TILE_SIDE,
+    CELL, ColumnRect, Grid, MASS_QUANTA, MAX_COLUMN_MASS, MAX_RELIEF_CELLS, TILE_COLUMNS, TILE_SIDE,
 };
 pub use material::{
     GRAVITY, HardnessLaw, LoadDistribution, Material, REFERENCE_CELL_SIZE, gold_prefactor,
 };
-pub use sample::{Content, Sample, sample_column};
+pub use sample::{Content, Floor, Sample, sample_column};
 pub use snowpack::{Progress, Snowpack};

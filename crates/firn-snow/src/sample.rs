@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::column::{Cell, Compaction};
+use super::elevation::Elevation;
 use super::grid::{CELL, Grid};
 use super::material::{GRAVITY, Material};
 
@@ -19,6 +20,26 @@ pub enum Content {
     Snow,
     /// The terrain.
     Ground,
+}
+
+/// Where the cells of the fixed grid are counted from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Floor {
+    /// From one elevation in all columns; no ground is below it.
+    Level(Elevation),
+    /// From each column's own ground.
+    Ground,
+}
+
+impl Floor {
+    /// Quanta from here up to a column's ground.
+    #[inline]
+    pub fn below(self, ground: Elevation) -> u64 {
+        match self {
+            Floor::Level(level) => (ground - level).max(0) as u64,
+            Floor::Ground => 0,
+        }
+    }
 }
 
 /// One cell of the fixed grid. Density is the mass over the part that snow fills; temperature is
@@ -59,24 +80,24 @@ impl Sample {
     }
 }
 
-/// Samples one column: the fixed grid's cells `first..first + count` above the lowest ground.
+/// Samples one column: a range of the fixed grid's cells above its floor.
 ///
-/// `ground` is the column's elevation in elevation units and `dt` the length of a cycle \[s\].
+/// `ground` is how far the column's ground lies above the floor, in quanta, and `dt` the length of a cycle \[s\].
 /// `shaders/sample.wgsl` computes the same in the same order.
 pub fn sample_column(
     grid: &Grid,
     material: &Material,
     dt: f32,
-    ground: u32,
+    ground: u64,
     cells: impl Iterator<Item = Cell> + Clone,
     range: std::ops::Range<u32>,
 ) -> Vec<Sample> {
     let law = Compaction::new(grid, material, dt);
     let side = grid.cell_size as f32;
     let metres = side / CELL as f32;
-    // Elevation units are two quanta; the column begins inside the cell that the ground ends in.
-    let mut place = ground / (CELL / 2);
-    let mut filled = ground % (CELL / 2) * 2;
+    // The column begins inside the cell that the ground ends in.
+    let mut place = (ground / u64::from(CELL)) as u32;
+    let mut filled = (ground % u64::from(CELL)) as u32;
     let mut samples = vec![Sample::default(); range.len()];
     for (sample, j) in samples.iter_mut().zip(range.clone()) {
         sample.content = if j < place { 2 } else { 0 };
@@ -191,8 +212,8 @@ mod tests {
     #[test]
     fn ground_lies_below_and_snow_begins_inside_the_cell_it_ends_in() {
         let (grid, material) = (Grid::default(), Material::default());
-        // One and a quarter cells of ground, in units of half a quantum's resolution.
-        let ground = CELL / 2 + CELL / 8;
+        // One and a quarter cells of ground.
+        let ground = u64::from(CELL + CELL / 4);
         let cells = [cell(SHARE, CELL, -3.0)];
         let samples = sample_column(&grid, &material, 1.0 / 60.0, ground, cells.into_iter(), 0..4);
         let contents: Vec<Content> = samples.iter().map(Sample::content).collect();

@@ -14,7 +14,7 @@ use super::contact::Contact;
 use super::footprint::Footprint;
 use super::grid::{ColumnRect, Grid, TILE_COLUMNS};
 use super::material::Material;
-use super::sample::{Sample, sample_column};
+use super::sample::{Floor, Sample, sample_column};
 use tile::Tile;
 
 pub use run::Progress;
@@ -55,16 +55,16 @@ pub struct Snowpack {
 }
 
 impl Snowpack {
-    /// A snowpack without snow. `ground` holds the ground elevation of each column in elevation
-    /// units, row by row; where it is shorter than the grid, the ground is at 0. No tile sleeps where they are
-    /// to be `always_awake`, which makes no difference to any result.
+    /// A snowpack without snow. `ground` holds the ground elevation of each column \[m\], row by row; where it
+    /// is shorter than the grid, the ground is at 0. No tile sleeps where they are to be `always_awake`, which
+    /// makes no difference to any result.
     ///
     /// # Errors
     /// Where there is no memory for it.
     pub fn new(
         grid: Grid,
         material: Material,
-        ground: &[u32],
+        ground: &[f64],
         always_awake: bool,
     ) -> Result<Snowpack, TryReserveError> {
         let mut tiles = Vec::new();
@@ -99,6 +99,13 @@ impl Snowpack {
     /// Removes what is above a depth in quanta; returns the mass quanta removed.
     pub fn clear(&mut self, rect: ColumnRect, depth: u32) -> u64 {
         self.edit(rect, |column| column.clear(depth))
+    }
+
+    /// Puts other ground under the snow of a tile, out of all columns' as in [`Snowpack::new`].
+    pub fn set_ground(&mut self, tile: u32, ground: &[f64]) {
+        if let Some(tile) = self.tiles.get_mut(tile as usize) {
+            tile.set_ground(&self.grid, ground);
+        }
     }
 
     fn edit(&mut self, rect: ColumnRect, change: impl Fn(&mut Column) -> u32 + Sync) -> u64 {
@@ -221,15 +228,21 @@ impl Snowpack {
         self.tiles.get(tile as usize).map(|tile| tile.columns.as_slice())
     }
 
-    /// Samples the fixed grid's cells `y0..y0 + height` of some columns, with the indent of a
+    /// Samples a range of the fixed grid's cells above a floor in some columns, with the indent of a
     /// cycle of `dt` seconds: x fastest, then y, then z.
-    pub fn sample(&self, rect: ColumnRect, y0: u32, height: u32, dt: f64) -> Vec<Sample> {
+    pub fn sample(
+        &self,
+        rect: ColumnRect,
+        floor: Floor,
+        range: Range<u32>,
+        dt: f64,
+    ) -> Vec<Sample> {
         let width = (rect.x1 - rect.x0) as usize;
-        let layer = width * height as usize;
+        let layer = width * range.len();
         let mut samples = vec![Sample::default(); layer * (rect.z1 - rect.z0) as usize];
         samples.par_chunks_mut(layer.max(1)).zip(rect.z0..rect.z1).for_each(|(layer, z)| {
             for x in rect.x0..rect.x1 {
-                let column = self.sample_column(x, z, y0..y0 + height, dt);
+                let column = self.sample_column(x, z, floor, range.clone(), dt);
                 let cells = layer.iter_mut().skip((x - rect.x0) as usize).step_by(width);
                 cells.zip(column).for_each(|(cell, sample)| *cell = sample);
             }
@@ -237,11 +250,18 @@ impl Snowpack {
         samples
     }
 
-    fn sample_column(&self, x: u32, z: u32, range: Range<u32>, dt: f64) -> Vec<Sample> {
+    fn sample_column(
+        &self,
+        x: u32,
+        z: u32,
+        floor: Floor,
+        range: Range<u32>,
+        dt: f64,
+    ) -> Vec<Sample> {
         let (tile, column) = self.grid.locate(x, z);
         let tile = &self.tiles[tile as usize];
         let cells = tile.columns[column as usize].cells.iter().copied();
-        let ground = tile.ground[column as usize];
+        let ground = floor.below(tile.ground[column as usize]);
         sample_column(&self.grid, &self.material, dt as f32, ground, cells, range)
     }
 
@@ -279,7 +299,7 @@ impl Snowpack {
 impl Collider {
     /// Evaluates contact with the columns as they are.
     fn evaluate(&mut self, tiles: &[Tile]) {
-        let elevations = self.columns.iter().map(|&(tile, column)| tiles[tile].elevation(column));
+        let elevations = self.columns.iter().map(|&(tile, column)| tiles[tile].surface(column));
         let old = self.contact;
         let mut new = Contact::evaluate(&self.footprint, self.mass, elevations);
         if !self.placed {

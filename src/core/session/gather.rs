@@ -1,8 +1,8 @@
 //! Views made of the cells themselves, read back from the device on demand.
 
 use firn_engine::frame::TileCells;
-use firn_protocol::{ColumnView, LayerView, MassView, Stamp};
-use firn_snow::{CELL, Grid, MASS_QUANTA, Material, Sample};
+use firn_protocol::{ColumnView, LayerView, MassView, Reference, Stamp};
+use firn_snow::{CELL, ColumnRect, Grid, MASS_QUANTA, Material, Sample};
 use serde::{Deserialize, Serialize};
 
 /// Cells of some tiles, and when they were as they are here.
@@ -18,6 +18,26 @@ pub struct Gathered {
 
 /// Most cells of the fixed grid that are sampled at a time.
 pub const MOST_SAMPLES: u64 = 1 << 20;
+
+/// Cells of the fixed grid that are asked for, inside its columns.
+#[derive(Clone, Copy, Debug)]
+pub struct CellBox {
+    /// The columns.
+    pub columns: ColumnRect,
+    /// What cells along y are counted from.
+    pub reference: Reference,
+    /// First cell along y.
+    pub y0: u32,
+    /// Cells along y.
+    pub height: u32,
+}
+
+impl CellBox {
+    /// Cells in the box.
+    pub fn cells(&self) -> u64 {
+        self.columns.columns().saturating_mul(self.height.into())
+    }
+}
 
 /// A box of the fixed grid, and when it was as it is here.
 #[derive(Clone, Debug)]

@@ -4,14 +4,12 @@
 
 use std::collections::VecDeque;
 
-use firn_engine::frame::SampleBox;
 use firn_protocol::{MassView, StepSpec};
-use firn_snow::ColumnRect;
 
 use crate::core::record::Once;
 use crate::core::session::{
-    Answer, Applied, Change, Command, Decision, Disturbed, Gathered, MOST_CHANGES, MOST_SAMPLES,
-    Receipted, Reply, Sampled, SessionError, Simulation,
+    Answer, Applied, CellBox, Change, Command, Decision, Disturbed, Gathered, MOST_CHANGES,
+    MOST_SAMPLES, Receipted, Reply, Sampled, SessionError, Simulation,
 };
 use crate::core::snapshot::Snapshot;
 
@@ -25,7 +23,7 @@ pub(crate) enum Request {
     Reset { saved: Option<Box<Snapshot>>, reply: Answer<Receipted<()>> },
     Snapshot { reply: Answer<Snapshot> },
     Gather { tiles: Vec<u32>, reply: Answer<Gathered> },
-    Sample { columns: ColumnRect, y0: u32, height: u32, reply: Answer<Sampled> },
+    Sample { wanted: CellBox, reply: Answer<Sampled> },
     Mass { reply: Answer<MassView> },
     Inspect { look: Look, reply: Answer<()> },
 }
@@ -118,9 +116,8 @@ impl Simulation {
         let fits = match request {
             // The ticks that it has put off come first.
             Request::Snapshot { .. } => !self.answered_first,
-            Request::Sample { columns, height, .. } => {
-                let cells = columns.columns() * u64::from(*height);
-                self.next.sampled_cells() + cells <= MOST_SAMPLES
+            Request::Sample { wanted, .. } => {
+                self.next.sampled_cells() + wanted.cells() <= MOST_SAMPLES
             }
             _ => self.next.changes < MOST_CHANGES,
         };
@@ -136,9 +133,8 @@ impl Simulation {
             Request::Reset { saved, reply } => self.begin_reset(saved.as_deref(), reply),
             Request::Snapshot { reply } => self.next.snapshots.push(reply),
             Request::Gather { tiles, reply } => self.next.gathers.push((tiles, reply)),
-            Request::Sample { columns, y0, height, reply } => {
-                let dt = self.cycle_length();
-                self.next.samples.push((SampleBox { columns, y0, height, dt }, reply));
+            Request::Sample { wanted, reply } => {
+                self.next.samples.push((self.sample_box(&wanted), reply));
             }
             Request::Mass { reply } => self.next.tallies.push(reply),
             Request::Inspect { look, reply } => {

@@ -35,7 +35,7 @@ pub use clock::{Advance, Clock, FRAME_RATE};
 pub(crate) use command::{Command, Decision, Kept, ObjectSpec};
 pub use error::{Check, Invalid, SessionError};
 pub(crate) use falling::{Falling, Snowing};
-pub use gather::{Gathered, Ledger, MOST_SAMPLES, Sampled};
+pub use gather::{CellBox, Gathered, Ledger, MOST_SAMPLES, Sampled};
 pub(crate) use inbox::{Inbox, Request};
 pub use mirror::{Mirror, TileColumns};
 pub(crate) use orders::{Counted, Flight, MOST_CHANGES, Orders, Reply, Told};

@@ -32,6 +32,9 @@ const LEAST: u64 = 1 << 16;
 /// Units of a column on which snow falls or is cleared.
 const FALL: u64 = 4;
 
+/// Units of other ground under a column.
+const GROUND: u64 = 4;
+
 /// How much a frame does of a session, and the work that is under way.
 #[derive(Debug)]
 pub(crate) struct Portions {
@@ -173,6 +176,7 @@ fn units_of(edit: &Edit, grid: &Grid) -> u64 {
         Edit::Clear { columns, .. } => FALL * columns.columns(),
         Edit::PutCollider { collider, .. } => 1 + u64::from(collider.footprint.columns),
         Edit::RemoveCollider { .. } => 1,
+        Edit::SetGround(_) => GROUND * grid.columns(),
         Edit::SetMaterial(_) => u64::from(grid.tiles()),
         Edit::Restore(_) => u64::from(grid.tiles()) * cells_of_tile(grid),
     }

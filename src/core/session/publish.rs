@@ -8,7 +8,7 @@ use firn_engine::published::TileColumns;
 use firn_protocol::{
     AirTemperatureReply, ClearingReply, ColliderReply, ColliderView, Event, SnowfallReply, Stamp,
 };
-use firn_snow::{CELL, Contact, Grid, TILE_COLUMNS};
+use firn_snow::{Contact, Elevation, Grid, TILE_COLUMNS};
 
 use crate::core::record::{Done, Taken};
 use crate::core::session::{
@@ -88,7 +88,7 @@ impl Simulation {
         let mut tiles = tiles.peekable();
         let session = self.session.clone();
         self.take_contacts(&outcome.contacts);
-        let colliders = collider_views(&self.state, self.session.ground.0);
+        let colliders = collider_views(&self.state);
         let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
         let colliders_changed = *mirror.colliders != *colliders;
         let asked = orders.replies.iter().any(|reply| matches!(reply, Reply::Change { .. }));
@@ -129,7 +129,7 @@ impl Simulation {
         let session = self.session.clone();
         let mut mirror = session.mirror.write().unwrap_or_else(PoisonError::into_inner);
         tiles.for_each(|(tile, heights)| mirror.recall(tile, heights));
-        mirror.colliders = collider_views(&self.state, self.session.ground.0);
+        mirror.colliders = collider_views(&self.state);
         mirror.colliders_version = mirror.seq;
         mirror.active_tiles = outcome.active_tiles;
         self.write_clock(&mut mirror);
@@ -266,7 +266,7 @@ impl Outlet {
                 mirror.recall(tile, &heights);
             }
         }
-        mirror.colliders = collider_views(&state, self.ground.0);
+        mirror.colliders = collider_views(&state);
         mirror.colliders_version = mirror.seq;
         mirror.clock = state.clock;
         mirror.settled = saved.description.settled && state.settings.snowfall_rate == 0.0;
@@ -276,21 +276,19 @@ impl Outlet {
     }
 }
 
-fn collider_views(state: &SessionState, lowest_ground: f64) -> Arc<[ColliderView]> {
-    let views = state.colliders.iter();
-    views.map(|(id, collider)| view(id, collider, &state.grid, lowest_ground)).collect()
+fn collider_views(state: &SessionState) -> Arc<[ColliderView]> {
+    state.colliders.iter().map(|(id, collider)| view(id, collider, &state.grid)).collect()
 }
 
-fn view(id: &str, collider: &Collider, grid: &Grid, lowest_ground: f64) -> ColliderView {
+fn view(id: &str, collider: &Collider, grid: &Grid) -> ColliderView {
     let contact = &collider.contact;
-    let metres = |units: f64| units * grid.cell_size * 2.0 / f64::from(CELL);
     ColliderView {
         id: id.to_owned(),
         mass: collider.mass,
         shape: collider.shape,
         position: collider.position,
-        bottom: lowest_ground + metres(f64::from(contact.bottom)),
-        sink_depth: metres(f64::from(contact.reference) - f64::from(contact.bottom)),
+        bottom: contact.bottom.metres(grid),
+        sink_depth: Elevation(contact.reference - contact.bottom).metres(grid),
         contact_area: f64::from(contact.area),
         pressure: f64::from(contact.pressure),
         resting: contact.resting,

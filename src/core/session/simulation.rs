@@ -3,14 +3,15 @@
 
 use std::sync::Arc;
 
-use firn_engine::frame::{Edit, Layout, Slot};
-use firn_protocol::SessionSpec;
+use firn_engine::frame::{Edit, Layout, SampleBox, Slot};
+use firn_protocol::{Reference, SessionSpec};
+use firn_snow::{Elevation, Floor};
 
 use crate::core::object_rows::ObjectRows;
 use crate::core::record::{Log, Replay};
 use crate::core::session::{
-    Answer, Charge, Command, Flight, Orders, Outlet, Portions, Receipted, Reply, SessionError,
-    SessionState, StepJob,
+    Answer, CellBox, Charge, Command, Flight, Orders, Outlet, Portions, Receipted, Reply,
+    SessionError, SessionState, StepJob,
 };
 use crate::core::snapshot::Snapshot;
 
@@ -160,12 +161,20 @@ impl Simulation {
 
     /// What the backend makes the snowpack with.
     pub(crate) fn layout(spec: &SessionSpec) -> Layout {
-        let ground = spec.terrain.as_ref().map(|terrain| {
-            let (lowest, _) = spec.ground_range();
-            let units = |height: f64| (spec.grid.thickness_quanta(height - lowest) >> 1) as u32;
-            terrain.heights.iter().map(|&height| units(height)).collect()
-        });
+        let ground = spec.terrain.as_ref().map(|terrain| terrain.heights.clone());
         Layout { grid: spec.grid, material: spec.material, ground: ground.unwrap_or_default() }
+    }
+
+    /// What the backend is asked for some cells of the fixed grid.
+    pub(crate) fn sample_box(&self, wanted: &CellBox) -> SampleBox {
+        let CellBox { columns, reference, y0, height } = *wanted;
+        let floor = match reference {
+            Reference::Lowest => {
+                Floor::Level(Elevation::new(&self.state.grid, self.session.ground.0))
+            }
+            Reference::Ground => Floor::Ground,
+        };
+        SampleBox { columns, floor, y0, height, dt: self.cycle_length() }
     }
 
     /// Length of the last cycle \[s\]; of the next one where there was none.

@@ -1,7 +1,7 @@
 //! What a session may be created with.
 
 use firn_protocol::{SessionSpec, Settings, is_valid_id};
-use firn_snow::{Grid, MAX_COLUMN_MASS, MAX_TERRAIN_CELLS, Material};
+use firn_snow::{Grid, MAX_COLUMN_MASS, MAX_RELIEF_CELLS, Material};
 
 use crate::core::session::{Check, SessionError};
 
@@ -178,7 +178,7 @@ fn check_terrain(check: &mut Check, spec: &SessionSpec) {
         return;
     }
     let (lowest, highest) = spec.ground_range();
-    let range = MAX_TERRAIN_CELLS * spec.grid.cell_size;
+    let range = f64::from(MAX_RELIEF_CELLS) * spec.grid.cell_size;
     if highest - lowest > range {
         check.reject(
             "/terrain/heights",

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use firn_engine::frame::{Placement, TileCells};
 use firn_protocol::{SessionSpec, Settings};
-use firn_snow::{Contact, Footprint, Grid, Material, Position, Shape};
+use firn_snow::{Contact, Elevation, Footprint, Grid, Material, Position, Shape};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::{
@@ -66,6 +66,21 @@ impl Description {
         }
     }
 
+    /// Makes what version 1 of the format says what the present one does: its contacts are in half the quanta,
+    /// above the lowest ground.
+    pub fn bring_up_to_date(&mut self) {
+        let lowest = Elevation::new(&self.spec.grid, self.spec.ground_range().0);
+        let above_lowest =
+            |halved: Elevation| Elevation(lowest.0.saturating_add(halved.0.saturating_mul(2)));
+        for SavedCollider { contact, .. } in &mut self.colliders {
+            contact.bottom = above_lowest(contact.bottom);
+            contact.reference = above_lowest(contact.reference);
+            contact.support = contact.support.saturating_mul(2);
+            // The last cycle is only compared with a present one, to the quantum. None is equal to that.
+            contact.last_cycle = None;
+        }
+    }
+
     /// Notes what no server would have saved.
     pub fn check(&self, limits: &Limits) -> Result<(), SessionError> {
         limits.check(&self.spec)?;
@@ -98,9 +113,11 @@ impl Description {
             object.check(&mut check, &at, &saved.id, &self.spec.grid);
             let ordered = i == 0 || self.colliders[i - 1].id < saved.id;
             let positive = |number: f32| number > 0.0 && number.is_finite();
-            // No elevation is as high as the number by which the device knows that there was none.
-            let real = contact.last_cycle.is_none_or(|footing| footing.bottom < u32::MAX);
-            if !(ordered && real && positive(contact.area) && positive(contact.pressure)) {
+            let footing = contact.last_cycle.unwrap_or(contact.footing());
+            let held = [contact.bottom, contact.reference, footing.bottom]
+                .iter()
+                .all(|elevation| (Elevation::LOWEST..=Elevation::HIGHEST).contains(elevation));
+            if !(ordered && held && positive(contact.area) && positive(contact.pressure)) {
                 check.reject(at, "is not what a server would have saved");
             }
         }

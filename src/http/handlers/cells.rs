@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use axum::extract::State;
 use axum::response::{IntoResponse, Response};
-use firn_protocol::Stamp;
+use firn_protocol::{Reference, Stamp};
 use firn_snow::{ColumnRect, Content, Sample};
 use serde::{Serialize, Serializer};
 use utoipa::{IntoParams, ToSchema};
@@ -17,7 +17,7 @@ use crate::http::state::App;
 use crate::http::target::Target;
 use crate::problem::Problem;
 use crate::quote::quote;
-use crate::session::{MOST_SAMPLES, Sampled, Session};
+use crate::session::{CellBox, MOST_SAMPLES, Sampled, Session};
 
 use super::{json, span, stamp_headers};
 
@@ -31,7 +31,10 @@ pub struct CellsQuery {
     /// First column along z.
     #[param(default = 0)]
     column_z: Option<u32>,
-    /// First cell along y; 0 stands on the lowest ground.
+    /// What cells along y are counted from: the lowest ground of the session, or the ground of each column.
+    #[param(inline, required = false)]
+    reference: Reference,
+    /// First cell along y; 0 stands on what is counted from.
     #[param(default = 0)]
     cell_y: Option<u32>,
     /// Cells along x; up to the grid's edge where there is none.
@@ -40,7 +43,7 @@ pub struct CellsQuery {
     /// Cells along z; up to the grid's edge where there is none.
     #[param(minimum = 1)]
     depth: Option<u32>,
-    /// Cells along y; up to the grid's height on the highest ground where there is none.
+    /// Cells along y; up to the grid's height, on the highest ground, where there is none.
     #[param(minimum = 1)]
     height: Option<u32>,
     /// Names of fields, separated by commas.
@@ -71,6 +74,10 @@ pub enum Field {
     /// Part of the cell that snow fills, from 0 to 1.
     Fill,
 }
+
+/// What cells along y may be counted from, by name.
+const REFERENCES: [(&str, Reference); 2] =
+    [("lowest", Reference::Lowest), ("ground", Reference::Ground)];
 
 /// Every field by its name.
 const FIELDS: [(&str, Field); 9] = [
@@ -106,6 +113,7 @@ impl FromQuery for CellsQuery {
         CellsQuery {
             column_x: params.whole("column_x", 0, u32::MAX),
             column_z: params.whole("column_z", 0, u32::MAX),
+            reference: params.choice("reference", &REFERENCES).unwrap_or_default(),
             cell_y: params.whole("cell_y", 0, u32::MAX),
             width: params.whole("width", 1, u32::MAX),
             depth: params.whole("depth", 1, u32::MAX),
@@ -163,7 +171,7 @@ pub struct CellOrigin {
     column_x: u32,
     /// Along z.
     column_z: u32,
-    /// Along y, from the lowest ground up.
+    /// Along y, from what `reference` says up.
     cell_y: u32,
 }
 
@@ -248,13 +256,13 @@ pub async fn get(
     Target(session): Target,
     Query(query): Query<CellsQuery>,
 ) -> Result<Response, Problem> {
-    let (columns, y0, height) = window(&query, &session)?;
-    let cells = columns.columns() * u64::from(height);
+    let wanted = window(&query, &session)?;
     let bytes_per_cell = BYTES_PER_CELL + BYTES_PER_VALUE * query.fields.len() as u64;
-    let leave = app.answers.admit_found(&session, cells * bytes_per_cell).await?;
+    let leave = app.answers.admit_found(&session, wanted.cells() * bytes_per_cell).await?;
     carry_on(async move {
-        let Sampled { stamp, cells } = session.sample(columns, y0, height).await?;
+        let Sampled { stamp, cells } = session.sample(wanted).await?;
         let answer = move || {
+            let CellBox { columns, y0, height, .. } = wanted;
             let view = CellsView {
                 stamp,
                 origin: CellOrigin { column_x: columns.x0, column_z: columns.z0, cell_y: y0 },
@@ -272,25 +280,26 @@ pub async fn get(
     .await
 }
 
-/// The box that is asked for: its columns, its first cell along y and how many there are.
-fn window(query: &CellsQuery, session: &Session) -> Result<(ColumnRect, u32, u32), Problem> {
+/// The box that is asked for.
+fn window(query: &CellsQuery, session: &Session) -> Result<CellBox, Problem> {
     let grid = session.spec.grid;
     let mut errors = Vec::new();
     let mut span = |names, first, count, cells| span(names, first, count, cells, &mut errors);
     let (x0, width) = span(["column_x", "width"], query.column_x, query.width, grid.width);
     let (z0, depth) = span(["column_z", "depth"], query.column_z, query.depth, grid.depth);
-    let cells_y = session.sampled_height();
+    let cells_y = session.sampled_height(query.reference);
     let (y0, height) = span(["cell_y", "height"], query.cell_y, query.height, cells_y);
     if !errors.is_empty() {
         return Err(Problem::invalid(errors));
     }
     let columns = ColumnRect { x0, z0, x1: x0 + width, z1: z0 + depth };
-    let cells = columns.columns() * u64::from(height);
+    let wanted = CellBox { columns, reference: query.reference, y0, height };
+    let cells = wanted.cells();
     if cells > MOST_SAMPLES {
         return Err(Problem::too_large(format!(
             "{width} × {height} × {depth} makes {cells} cells, more than the {MOST_SAMPLES} of one \
              answer; ask for a part of them"
         )));
     }
-    Ok((columns, y0, height))
+    Ok(wanted)
 }

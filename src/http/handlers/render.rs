@@ -5,7 +5,7 @@ mod query;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use firn_protocol::Stamp;
+use firn_protocol::{Reference, Stamp};
 use firn_snow::ColumnRect;
 use utoipa::ToSchema;
 
@@ -17,7 +17,7 @@ use crate::http::state::App;
 use crate::http::target::Target;
 use crate::problem::Problem;
 use crate::render::{self, Field, Picture, Snow, View};
-use crate::session::{MOST_SAMPLES, Session};
+use crate::session::{CellBox, MOST_SAMPLES, Session};
 
 use self::query::RenderQuery;
 use super::stamp_headers;
@@ -112,7 +112,8 @@ const BYTES_PER_PIXEL: u64 = 20;
 /// 413 where it would show too many cells.
 fn bytes(session: &Session, query: &RenderQuery, region: ColumnRect) -> Result<u64, Problem> {
     let shows_depths = shows_depths(&query.picture);
-    let height = if shows_depths { 1 } else { u64::from(session.sampled_height()) };
+    let height =
+        if shows_depths { 1 } else { u64::from(session.sampled_height(Reference::Ground)) };
     let cells = region.columns() * height;
     check(cells)?;
     let pixels = u64::from(query.picture.width) * u64::from(query.picture.height);
@@ -141,7 +142,9 @@ async fn read(
         let snow = Snow::from_depths(spec, region, depths, &mirror.colliders);
         return Ok((mirror.stamp_at(session.frame()), snow));
     }
-    let sampled = session.sample(region, 0, session.sampled_height()).await?;
+    let reference = Reference::Ground;
+    let height = session.sampled_height(reference);
+    let sampled = session.sample(CellBox { columns: region, reference, y0: 0, height }).await?;
     let colliders = session.mirror().colliders.clone();
     Ok((sampled.stamp, Snow::from_cells(spec, region, sampled.cells, &colliders)))
 }

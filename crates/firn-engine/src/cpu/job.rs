@@ -111,7 +111,7 @@ impl Job {
     }
 
     /// Goes on with the edit that is under way: a row of tiles of what falls or is cleared, a tile of what
-    /// is restored, all of any other.
+    /// is restored or gets other ground, all of any other.
     fn go_on_editing(&mut self, snowpack: &mut Snowpack) -> u64 {
         let edit = &self.work.edits[self.edit];
         // The depth an object sinks counts from where it was put, not from later snow.
@@ -144,6 +144,10 @@ impl Job {
             Edit::RemoveCollider { id } => {
                 snowpack.remove_collider(id);
                 (0, OBJECT, 1)
+            }
+            Edit::SetGround(ground) => {
+                snowpack.set_ground(next, ground);
+                (0, u64::from(TILE_COLUMNS), snowpack.grid().tiles())
             }
             Edit::SetMaterial(material) => {
                 snowpack.set_material(*material);
@@ -182,7 +186,8 @@ impl Job {
             changed = snowpack.take_dirty().collect();
         }
         let sample = work.samples.iter();
-        let sample = sample.map(|s| snowpack.sample(s.columns, s.y0, s.height, s.dt));
+        let sample =
+            sample.map(|s| snowpack.sample(s.columns, s.floor, s.y0..s.y0 + s.height, s.dt));
         outcome.samples = sample.collect();
         (outcome, changed)
     }

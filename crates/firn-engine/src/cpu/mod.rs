@@ -167,7 +167,7 @@ mod tests {
 
     fn layout(width: u32, depth: u32) -> Layout {
         let grid = Grid { width, depth, height: 4, cell_size: 0.2 };
-        Layout { grid, material: Material::default(), ground: Vec::new() }
+        Layout { grid, material: Material::default(), ground: Default::default() }
     }
 
     fn outcome(backend: &mut CpuBackend, work: Work) -> Outcome {

@@ -3,14 +3,14 @@
 
 use std::ops::Range;
 
-use firn_snow::{Grid, TILE_COLUMNS};
+use firn_snow::{ColumnRect, Grid, TILE_COLUMNS};
 
 use crate::frame::{EngineError, Slot, TileCells};
 
 use super::buffer::Table;
 use super::device::Device;
 use super::kernels::Resource;
-use super::layout::{AWAKE, DIRTY, Tile};
+use super::layout::{AWAKE, DIRTY, Elevation, Tile};
 use super::pages::{Budget, Pages, Place, ROW_BYTES};
 use super::ranges::Ranges;
 use super::tables::PACKED_BYTES;
@@ -47,7 +47,7 @@ pub struct Arena {
 }
 
 /// Bytes for each tile in the tables, in the order of `Arena::tables`.
-pub(super) const TILE_BYTES: [u64; 5] = [16, 4, ROW_BYTES, ROW_BYTES, ROW_BYTES];
+pub(super) const TILE_BYTES: [u64; 5] = [16, 4, ROW_BYTES, ROW_BYTES, 2 * ROW_BYTES];
 
 impl Arena {
     /// An arena that takes no more than `budget` bytes.
@@ -187,6 +187,30 @@ impl Arena {
         self.write(device, Resource::Heights, first * TILE_COLUMNS, &heights);
         self.write(device, Resource::Filled, first * TILE_COLUMNS, &filled);
         self.write(device, Resource::States, first, &vec![AWAKE | DIRTY; tiles.len()]);
+    }
+
+    /// Writes the ground of some of a snowpack's tiles, ahead of the next submit, out of the elevations of
+    /// all columns \[m\].
+    pub fn write_ground(
+        &self,
+        device: &Device,
+        lot: &Lot,
+        tiles: Range<u32>,
+        grid: &Grid,
+        ground: &[f64],
+    ) {
+        let mut rows = vec![Elevation::default(); tiles.len() * TILE_COLUMNS as usize];
+        for (tile, rows) in tiles.clone().zip(rows.chunks_mut(TILE_COLUMNS as usize)) {
+            let ColumnRect { x0, z0, x1, z1 } = grid.tile_rect(tile);
+            for (x, z) in (z0..z1).flat_map(|z| (x0..x1).map(move |x| (x, z))) {
+                if let Some(&metres) = ground.get(z as usize * grid.width as usize + x as usize) {
+                    let (_, column) = grid.locate(x, z);
+                    rows[column as usize] = firn_snow::Elevation::new(grid, metres).into();
+                }
+            }
+        }
+        let first = (lot.tiles.start + tiles.start) * TILE_COLUMNS;
+        self.write(device, Resource::Ground, first, &rows);
     }
 
     /// Marks tiles as nobody's.

@@ -16,7 +16,7 @@ use super::resident::Resident;
 const ROW: u64 = TILE_COLUMNS as u64;
 
 /// Units of a tile's rows in the tables.
-const TILE: u64 = 4 * ROW;
+const TILE: u64 = 5 * ROW;
 
 /// What is left to be furnished of a snowpack.
 #[derive(Debug)]
@@ -27,20 +27,18 @@ pub struct Unfurnished {
     new: Vec<u32>,
     /// The first tile whose rows in the tables are still to be written.
     tile: u32,
-    /// The ground of each column; empty where it is level.
-    ground: Vec<u32>,
 }
 
 impl Arena {
     /// What is to be furnished for a snowpack.
-    pub fn begin_to_furnish(&self, lot: &Lot, ground: Vec<u32>) -> Unfurnished {
+    pub fn begin_to_furnish(&self, lot: &Lot) -> Unfurnished {
         let is_new =
             |page: u32| self.pages.get(page).is_some_and(|page| !page.uncleared.is_empty());
         let (new, used): (Vec<_>, Vec<_>) =
             extents(&lot.places, lot.height).into_iter().partition(|(page, _)| is_new(*page));
         let mut new: Vec<u32> = new.into_iter().map(|(page, _)| page).collect();
         new.dedup();
-        Unfurnished { used, new, tile: 0, ground }
+        Unfurnished { used, new, tile: 0 }
     }
 
     /// Units that it takes.
@@ -54,7 +52,7 @@ impl Arena {
     /// Furnishes a part of a snowpack's memory, about so many units of it, ahead of the next submit. Returns
     /// how many it was.
     pub fn furnish(&mut self, device: &Device, resident: &mut Resident, most: u64) -> u64 {
-        let Resident { lot, unfurnished, .. } = resident;
+        let Resident { lot, layout, unfurnished, .. } = resident;
         let Some(left) = unfurnished else { return 0 };
         let mut encoder = device.device.create_command_encoder(&Default::default());
         let mut units = 0;
@@ -87,7 +85,11 @@ impl Arena {
             let part = next(&mut tiles, (most - units) / TILE + 1);
             self.clear_tables(&mut encoder, lot, &part);
             device.queue.submit([encoder.finish()]);
-            self.write_tables(device, lot, &part, &left.ground);
+            let states = vec![DIRTY; part.len()];
+            self.write(device, Resource::States, lot.tiles.start + part.start, &states);
+            if !layout.ground.is_empty() {
+                self.write_ground(device, lot, part.clone(), &layout.grid, &layout.ground);
+            }
             units += part.len() as u64 * TILE;
             left.tile = part.end;
         } else {
@@ -105,15 +107,6 @@ impl Arena {
             if *resource != Resource::Tiles && count > 0 {
                 encoder.clear_buffer(table.buffer(), first * bytes, Some(count * bytes));
             }
-        }
-    }
-
-    fn write_tables(&self, device: &Device, lot: &Lot, tiles: &Range<u32>, ground: &[u32]) {
-        let first = lot.tiles.start + tiles.start;
-        self.write(device, Resource::States, first, &vec![DIRTY; tiles.len()]);
-        let columns = tiles.start * TILE_COLUMNS..tiles.end * TILE_COLUMNS;
-        if let Some(part) = ground.get(columns.start as usize..columns.end as usize) {
-            self.write(device, Resource::Ground, first * TILE_COLUMNS, part);
         }
     }
 }

@@ -38,7 +38,8 @@ pub struct Job {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    Restore,
+    /// What the host writes.
+    Write,
     Snow,
     Objects,
     /// Contacts and stresses after a round of edits.
@@ -110,7 +111,7 @@ impl Job {
     /// Begins with the next round of edits, or with the cycles.
     fn begin_round(&mut self) {
         let stage = match self.round().first() {
-            Some((_, Edit::Restore(_))) => Stage::Restore,
+            Some((_, Edit::Restore(_) | Edit::SetGround(_))) => Stage::Write,
             Some(_) => Stage::Snow,
             None => Stage::Weigh,
         };

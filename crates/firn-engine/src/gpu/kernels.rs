@@ -114,6 +114,7 @@ pub enum KernelId {
 
 const LAYOUT: &str = include_str!("../../../../shaders/shared/layout.wgsl");
 const MATERIAL: &str = include_str!("../../../../shaders/shared/material.wgsl");
+const ELEVATION: &str = include_str!("../../../../shaders/shared/elevation.wgsl");
 const WIDE: &str = include_str!("../../../../shaders/shared/wide.wgsl");
 
 use Access::{Read, Write};
@@ -144,7 +145,7 @@ pub const KERNELS: [Kernel; 8] = [
     Kernel {
         name: "contact",
         entry_point: "contact",
-        source: &[LAYOUT, include_str!("../../../../shaders/contact.wgsl")],
+        source: &[LAYOUT, ELEVATION, include_str!("../../../../shaders/contact.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Runs, Read),
@@ -158,7 +159,7 @@ pub const KERNELS: [Kernel; 8] = [
     Kernel {
         name: "stress",
         entry_point: "evaluate_stress",
-        source: &[LAYOUT, include_str!("../../../../shaders/stress.wgsl")],
+        source: &[LAYOUT, ELEVATION, include_str!("../../../../shaders/stress.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Runs, Read),
@@ -226,7 +227,7 @@ pub const KERNELS: [Kernel; 8] = [
     Kernel {
         name: "sample",
         entry_point: "sample",
-        source: &[LAYOUT, MATERIAL, include_str!("../../../../shaders/sample.wgsl")],
+        source: &[LAYOUT, ELEVATION, MATERIAL, include_str!("../../../../shaders/sample.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Tiles, Read),

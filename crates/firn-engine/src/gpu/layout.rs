@@ -35,8 +35,34 @@ pub const DEPOSIT: u32 = 0;
 pub const CLEAR: u32 = 1;
 /// `Tile.session` of a tile that no session owns.
 pub const NO_SESSION: u32 = u32::MAX;
-/// `Contact.last_bottom` of an object that has been through no cycle where it stands.
-pub const NO_CYCLE: u32 = u32::MAX;
+
+/// An elevation as a device holds it: whole cells above level 0, and quanta above those.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Elevation {
+    /// Whole cells, rounded down.
+    pub cells: i32,
+    /// Quanta above them.
+    pub fraction: u32,
+}
+
+impl Elevation {
+    /// No elevation: the last bottom of an object that has been through no cycle where it stands, and the
+    /// floor of cells that are counted from each column's ground.
+    pub const NONE: Elevation = Elevation { cells: 0, fraction: u32::MAX };
+}
+
+impl From<firn_snow::Elevation> for Elevation {
+    fn from(elevation: firn_snow::Elevation) -> Elevation {
+        Elevation { cells: elevation.cells(), fraction: elevation.fraction() }
+    }
+}
+
+impl From<Elevation> for firn_snow::Elevation {
+    fn from(row: Elevation) -> firn_snow::Elevation {
+        firn_snow::Elevation::of_cells(row.cells, row.fraction)
+    }
+}
 
 /// A snowpack's constants.
 #[repr(C)]
@@ -190,9 +216,9 @@ pub struct Collider {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Contact {
     /// Elevation of the bottom.
-    pub bottom: u32,
+    pub bottom: Elevation,
     /// Bottom when it was placed or last moved.
-    pub reference: u32,
+    pub reference: Elevation,
     /// Σ of shares, low word.
     pub support_low: u32,
     /// Σ of shares, high word.
@@ -205,8 +231,8 @@ pub struct Contact {
     pub width: f32,
     /// Not 0 where bottom and support were those of the last cycle before, when they were evaluated.
     pub resting: u32,
-    /// Bottom in the last cycle; `NO_CYCLE` where there was none since it was placed.
-    pub last_bottom: u32,
+    /// Bottom in the last cycle; [`Elevation::NONE`] where there was none since it was placed.
+    pub last_bottom: Elevation,
     /// Σ of shares in the last cycle, low word.
     pub last_support_low: u32,
     /// Σ of shares in the last cycle, high word.
@@ -215,20 +241,21 @@ pub struct Contact {
 
 impl From<&firn_snow::Contact> for Contact {
     fn from(contact: &firn_snow::Contact) -> Self {
-        let none = Footing { bottom: NO_CYCLE, support: 0 };
-        let last_cycle = contact.last_cycle.unwrap_or(none);
+        let last_support = contact.last_cycle.map_or(0, |footing| footing.support);
         Contact {
-            bottom: contact.bottom,
-            reference: contact.reference,
+            bottom: contact.bottom.into(),
+            reference: contact.reference.into(),
             support_low: contact.support as u32,
             support_high: (contact.support >> 32) as u32,
             area: contact.area,
             pressure: contact.pressure,
             width: contact.area.sqrt(),
             resting: u32::from(contact.resting),
-            last_bottom: last_cycle.bottom,
-            last_support_low: last_cycle.support as u32,
-            last_support_high: (last_cycle.support >> 32) as u32,
+            last_bottom: contact
+                .last_cycle
+                .map_or(Elevation::NONE, |footing| footing.bottom.into()),
+            last_support_low: last_support as u32,
+            last_support_high: (last_support >> 32) as u32,
         }
     }
 }
@@ -236,15 +263,16 @@ impl From<&firn_snow::Contact> for Contact {
 impl From<Contact> for firn_snow::Contact {
     fn from(row: Contact) -> Self {
         let support = join(row.last_support_low, row.last_support_high);
-        let last_cycle = Footing { bottom: row.last_bottom, support };
+        let last_cycle = (row.last_bottom != Elevation::NONE)
+            .then(|| Footing { bottom: row.last_bottom.into(), support });
         firn_snow::Contact {
-            bottom: row.bottom,
-            reference: row.reference,
+            bottom: row.bottom.into(),
+            reference: row.reference.into(),
             support: join(row.support_low, row.support_high),
             area: row.area,
             pressure: row.pressure,
             resting: row.resting != 0,
-            last_cycle: Some(last_cycle).filter(|footing| footing.bottom != NO_CYCLE),
+            last_cycle,
         }
     }
 }
@@ -338,8 +366,8 @@ pub struct SampleJob {
     pub depth: u32,
     /// Cycle length over the reference cell size \[s/m\].
     pub rate: f32,
-    /// Fills the row.
-    pub padding: u32,
+    /// What cells along y are counted from; [`Elevation::NONE`] for each column's ground.
+    pub floor: Elevation,
 }
 
 /// What one dispatch works on.

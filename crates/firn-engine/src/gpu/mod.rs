@@ -179,12 +179,12 @@ impl Backend for GpuBackend {
     }
 
     fn take_in(&mut self, slot: Slot, made: Made) -> Result<u64, EngineError> {
-        let Made { layout, kind: Kind::Rows(ground) } = made else {
+        let Made { layout, kind: Kind::Rows } = made else {
             return Err(EngineError::DeviceFailed("a snowpack was made for another".to_owned()));
         };
         let scope = self.device.scope();
         let lot = self.arena.take(&self.device, slot, &layout.grid)?;
-        let unfurnished = self.arena.begin_to_furnish(&lot, ground);
+        let unfurnished = self.arena.begin_to_furnish(&lot);
         let units = self.arena.units_to_furnish(&lot, &unfurnished);
         let mut resident = Resident::new(lot, layout, unfurnished);
         if units <= FURNISHED_AT_ONCE {

@@ -46,7 +46,7 @@ impl Residents {
 pub struct Resident {
     /// Its part of the arena.
     pub lot: Lot,
-    /// What it was made with but for the ground, the material as it is now.
+    /// What it was made with, material and ground as they are now.
     pub layout: Layout,
     /// Its row of constants.
     pub row: layout::Session,
@@ -150,8 +150,8 @@ pub const LARGEST_ROUND: u64 = 1 << 22;
 
 /// Splits numbered edits into rounds: in a round all snow falls before any object is put, so that
 /// each can be one dispatch for all snowpacks. Later puts of an object in a round replace earlier
-/// ones. A restore begins a round: the host writes it ahead of the round's submit. Each comes with the
-/// rows of the table of lists that it fills at the most.
+/// ones. What the host writes begins a round, because it is written ahead of the round's submit. Each
+/// comes with the rows of the table of lists that it fills at the most.
 pub fn rounds(edits: Vec<(u32, Edit)>) -> Vec<(Vec<(u32, Edit)>, u64)> {
     let mut rounds: Vec<(Vec<(u32, Edit)>, u64)> = Vec::new();
     let mut put = false;
@@ -162,9 +162,9 @@ pub fn rounds(edits: Vec<(u32, Edit)>) -> Vec<(Vec<(u32, Edit)>, u64)> {
             _ => None,
         };
         let rows = columns.map_or(0, |columns| columns.tiles().columns());
-        let restore = matches!(edit, Edit::Restore(_));
+        let written = matches!(edit, Edit::Restore(_) | Edit::SetGround(_));
         let begins = rounds.last().is_none_or(|(_, filled)| {
-            (columns.is_some() && put) || restore || filled + rows > LARGEST_ROUND
+            (columns.is_some() && put) || written || filled + rows > LARGEST_ROUND
         });
         put = columns.is_none();
         if begins {

@@ -3,7 +3,8 @@
 use std::collections::TryReserveError;
 
 use crate::column::{Column, SurfaceLoad};
-use crate::contact::{elevation, share};
+use crate::contact::share;
+use crate::elevation::Elevation;
 use crate::footprint::Footprint;
 use crate::grid::{ColumnRect, Grid, TILE_COLUMNS, TILE_SIDE};
 use crate::material::Material;
@@ -19,8 +20,8 @@ pub(super) struct Tile {
     rect: ColumnRect,
     /// All columns, row by row; those outside the grid stay empty.
     pub columns: Vec<Column>,
-    /// Ground elevation of each column in elevation units.
-    pub ground: [u32; COLUMNS],
+    /// Ground elevation of each column.
+    pub ground: [Elevation; COLUMNS],
     /// Height of each column in quanta.
     pub heights: [u32; COLUMNS],
     /// Objects that stand on the tile: indices in ascending order of ids.
@@ -39,20 +40,15 @@ impl Tile {
     /// Bytes of a tile without snow.
     pub const BYTES: u64 = (size_of::<Tile>() + COLUMNS * size_of::<Column>()) as u64;
 
-    pub fn new(grid: &Grid, tile: u32, ground: &[u32]) -> Result<Tile, TryReserveError> {
+    pub fn new(grid: &Grid, tile: u32, ground: &[f64]) -> Result<Tile, TryReserveError> {
         let rect = grid.tile_rect(tile);
-        let mut elevations = [0; COLUMNS];
-        for (x, z) in positions(rect) {
-            let index = z as usize * grid.width as usize + x as usize;
-            elevations[column_index(x, z)] = ground.get(index).copied().unwrap_or(0);
-        }
         let mut columns = Vec::new();
         columns.try_reserve_exact(COLUMNS)?;
         columns.resize(COLUMNS, Column::default());
         Ok(Tile {
             rect,
             columns,
-            ground: elevations,
+            ground: ground_of(grid, rect, ground),
             heights: [0; COLUMNS],
             loads: Vec::new(),
             awake: false,
@@ -62,10 +58,16 @@ impl Tile {
         })
     }
 
-    /// Elevation of a column's surface in elevation units.
+    /// Puts other ground under the snow. What stands there moves with it.
+    pub fn set_ground(&mut self, grid: &Grid, ground: &[f64]) {
+        self.ground = ground_of(grid, self.rect, ground);
+        self.moved = true;
+    }
+
+    /// Elevation of a column's surface.
     #[inline]
-    pub fn elevation(&self, column: usize) -> u32 {
-        elevation(self.ground[column], self.heights[column])
+    pub fn surface(&self, column: usize) -> Elevation {
+        self.ground[column].under(self.heights[column])
     }
 
     /// Changes the columns inside a rectangle; returns the sum of what `change` returns.
@@ -96,7 +98,7 @@ impl Tile {
         let mut loads = Vec::with_capacity(self.loads.len());
         for (x, z) in positions(self.rect) {
             let index = column_index(x, z);
-            let surface = self.elevation(index);
+            let surface = self.surface(index);
             let standing = self.loads.iter().map(|&load| colliders[load]);
             loads.clear();
             loads.extend(standing.filter(|c| covers(&c.footprint, x, z)).map(|collider| {
@@ -154,6 +156,17 @@ impl Tile {
 #[inline]
 fn positions(rect: ColumnRect) -> impl Iterator<Item = (u32, u32)> {
     (rect.z0..rect.z1).flat_map(move |z| (rect.x0..rect.x1).map(move |x| (x, z)))
+}
+
+/// Ground of a tile's columns; those outside the grid are at 0.
+fn ground_of(grid: &Grid, rect: ColumnRect, ground: &[f64]) -> [Elevation; COLUMNS] {
+    let mut elevations = [Elevation::default(); COLUMNS];
+    for (x, z) in positions(rect) {
+        let metres = ground.get(z as usize * grid.width as usize + x as usize);
+        elevations[column_index(x, z)] =
+            metres.map_or(Elevation(0), |&metres| Elevation::new(grid, metres));
+    }
+    elevations
 }
 
 /// Index of column (x, z) in its tile.

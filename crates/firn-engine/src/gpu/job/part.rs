@@ -7,8 +7,8 @@ use crate::frame::{Run, Work};
 /// Something that a frame does of a job.
 #[derive(Debug)]
 pub enum Step {
-    /// Cells of some tiles are replaced by those that were saved.
-    Restore(Range<u32>),
+    /// Cells of some tiles are replaced by those that were saved, or the ground under them by another.
+    Write(Range<u32>),
     /// Snow falls or is cleared on some rows of tiles.
     Snow(Range<u32>),
     /// All other edits of a round.

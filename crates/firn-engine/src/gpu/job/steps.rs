@@ -13,11 +13,14 @@ use super::{Job, Stage};
 /// Units of a tile on which snow falls, for each of its cells.
 const EDIT: u64 = 2;
 
+/// Units of writing the ground of a tile.
+const GROUND: u64 = 4 * TILE_COLUMNS as u64;
+
 impl Job {
     /// Adds the next step to a part. Returns whether the part ends with it.
     pub(super) fn step(&mut self, resident: &Resident, most: u64, part: &mut Part) -> bool {
         match self.stage {
-            Stage::Restore | Stage::Snow | Stage::Objects => self.edit(resident, most, part),
+            Stage::Write | Stage::Snow | Stage::Objects => self.edit(resident, most, part),
             Stage::TouchAfterEdits | Stage::PressAfterEdits => {
                 self.evaluate_edits(resident, most, part)
             }
@@ -39,10 +42,14 @@ impl Job {
     fn edit(&mut self, resident: &Resident, most: u64, part: &mut Part) -> bool {
         let cells = cells_of(resident);
         match self.stage {
-            Stage::Restore => {
+            Stage::Write => {
                 let tiles = tiles_of(resident);
-                let range = self.take(most, cells, tiles);
-                part.add(cells * range.len() as u64, Step::Restore(range));
+                let units = match self.round().first() {
+                    Some((_, Edit::SetGround(_))) => GROUND,
+                    _ => cells,
+                };
+                let range = self.take(most, units, tiles);
+                part.add(units * range.len() as u64, Step::Write(range));
                 if self.next == tiles {
                     self.enter(Stage::Snow);
                 }

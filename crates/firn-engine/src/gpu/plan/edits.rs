@@ -1,6 +1,7 @@
 //! Snow that falls or is cleared, objects that come, move and go, and what they press on.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::ops::Range;
 use std::sync::Arc;
 
 use firn_snow::{ColumnRect, Contact, TILE_SIDE};
@@ -79,10 +80,7 @@ impl Planner<'_> {
                     self.operate(resident, &edit, result, &mut snowed);
                 }
                 other => {
-                    if let Edit::Restore(contents) = &other {
-                        let all = 0..resident.lot.places.len() as u32;
-                        self.arena.restore(self.device, &resident.lot, all, &contents.tiles);
-                    }
+                    self.write(resident, &other, 0..resident.lot.places.len() as u32);
                     moved |= self.alter(slot, resident, other, &mut stressed);
                 }
             }
@@ -109,8 +107,21 @@ impl Planner<'_> {
         resident.bodies.values_mut().for_each(|body| body.placed = false);
     }
 
-    /// Carries out an edit that lets no snow fall and clears none, but for the cells of one that restores.
-    /// Adds the tiles whose stress may be another then, and returns whether objects have come, moved or
+    /// Writes what the host writes of an edit, for some tiles.
+    pub(super) fn write(&self, resident: &Resident, edit: &Edit, tiles: Range<u32>) {
+        let (lot, grid) = (&resident.lot, &resident.layout.grid);
+        match edit {
+            Edit::Restore(contents) => {
+                self.arena.restore(self.device, lot, tiles, &contents.tiles);
+            }
+            Edit::SetGround(ground) => {
+                self.arena.write_ground(self.device, lot, tiles, grid, ground);
+            }
+            _ => {}
+        }
+    }
+
+    /// Carries out an edit that lets no snow fall and clears none, but for what is written of it. Adds the tiles whose stress may be another then, and returns whether objects have come, moved or
     /// gone.
     pub(super) fn alter(
         &mut self,
@@ -136,6 +147,10 @@ impl Planner<'_> {
                 stressed.extend(body.tiles.iter().copied());
                 self.tables.forget_bodies(std::iter::once(&body));
                 true
+            }
+            Edit::SetGround(ground) => {
+                resident.layout.ground = ground;
+                false
             }
             Edit::SetMaterial(material) => {
                 resident.layout.material = material;
@@ -182,7 +197,7 @@ impl Planner<'_> {
         &mut self,
         resident: &mut Resident,
         edits: &[(u32, Edit)],
-        rows: std::ops::Range<u32>,
+        rows: Range<u32>,
     ) {
         let (first, end) = (rows.start * TILE_SIDE, rows.end.saturating_mul(TILE_SIDE));
         let mut snowed = BTreeMap::new();

@@ -26,7 +26,10 @@ impl Planner<'_> {
         let mut rows: [Option<u32>; 2] = [None; 2];
         for step in &part.steps {
             match step {
-                Step::Restore(tiles) => self.restore(resident, job, tiles.clone()),
+                Step::Write(tiles) => {
+                    let edits = job.round().iter();
+                    edits.for_each(|(_, edit)| self.write(resident, edit, tiles.clone()));
+                }
                 Step::Snow(rows) => {
                     let round = job.round().iter();
                     let edits: Vec<(u32, Edit)> =
@@ -57,14 +60,6 @@ impl Planner<'_> {
                     let pass = Pass { cycle: *cycle, cycles: 1, flags, ..Pass::default() };
                     self.compact(resident, tiles.iter().copied(), pass);
                 }
-            }
-        }
-    }
-
-    fn restore(&mut self, resident: &Resident, job: &Job, tiles: Range<u32>) {
-        for (_, edit) in job.round() {
-            if let Edit::Restore(contents) = edit {
-                self.arena.restore(self.device, &resident.lot, tiles.clone(), &contents.tiles);
             }
         }
     }

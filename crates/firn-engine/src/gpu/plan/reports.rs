@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use firn_snow::REFERENCE_CELL_SIZE;
+use firn_snow::{Floor, REFERENCE_CELL_SIZE};
 
 use crate::frame::Work;
 use crate::gpu::kernels::KernelId;
-use crate::gpu::layout::{Pass, SampleJob};
+use crate::gpu::layout::{Elevation, Pass, SampleJob};
 use crate::gpu::resident::Residents;
 use crate::gpu::survey::Totals;
 
@@ -41,6 +41,10 @@ impl Planner<'_> {
         let mut first = 0;
         for (work, wanted) in work.iter().flat_map(|w| w.samples.iter().map(move |s| (w, s))) {
             let Some(resident) = residents.get(work.slot) else { continue };
+            let floor = match wanted.floor {
+                Floor::Level(level) => level.into(),
+                Floor::Ground => Elevation::NONE,
+            };
             let job = self.tables.orders.sample_jobs.push(SampleJob {
                 session: work.slot,
                 first,
@@ -51,7 +55,7 @@ impl Planner<'_> {
                 height: wanted.height,
                 depth: wanted.columns.z1 - wanted.columns.z0,
                 rate: (wanted.dt / REFERENCE_CELL_SIZE) as f32,
-                padding: 0,
+                floor,
             });
             let tiles = tiles_in(wanted.columns, resident.row.tiles_x);
             let pages: BTreeSet<u32> = tiles.map(|tile| resident.page(tile)).collect();
