@@ -9,13 +9,15 @@ use std::sync::Arc;
 
 use firn_engine::frame::{Contents, Edit, TileCells};
 use firn_engine::reserve::ask_for;
-use firn_protocol::{SessionSpec, Stamp};
+use firn_protocol::{SessionSpec, Stamp, Terrain};
 use firn_snow::Cell;
 
 use self::body::Body;
 use self::description::{Description, SavedCollider};
 
-use crate::core::session::{Invalid, Limits, Reach, SessionError, SessionState, Simulation};
+use crate::core::session::{
+    Check, Ground, Invalid, Limits, Reach, SessionError, SessionState, Simulation,
+};
 
 /// Media type of a snapshot.
 pub const MEDIA_TYPE: &str = "application/vnd.firn.snapshot";
@@ -41,6 +43,8 @@ pub struct Snapshot {
     /// When it was taken.
     pub stamp: Stamp,
     pub(crate) description: Description,
+    /// The ground, where it is no longer that of the description.
+    pub(crate) ground: Option<Ground>,
     pub(crate) tiles: Arc<Vec<TileCells>>,
 }
 
@@ -85,9 +89,20 @@ impl Snapshot {
 
     /// Writes description and cells, not compressed.
     fn write_body(&self, mut body: impl Write) -> Result<(), SessionError> {
-        let description = serde_json::to_vec(&self.description).map_err(internal)?;
+        let terrain = self.spec().terrain.as_ref().map(|terrain| &terrain.heights);
+        let ground = self.ground.as_ref().map(Ground::heights);
+        let described = Description {
+            spec: SessionSpec { terrain: None, ..self.spec().clone() },
+            terrain: terrain.is_some(),
+            ground: ground.is_some(),
+            ..self.description.clone()
+        };
+        let description = serde_json::to_vec(&described).map_err(internal)?;
         body.write_all(&(description.len() as u64).to_le_bytes()).map_err(internal)?;
         body.write_all(&description).map_err(internal)?;
+        for height in terrain.into_iter().chain(ground).flat_map(|heights| heights.iter()) {
+            body.write_all(&height.to_le_bytes()).map_err(internal)?;
+        }
         let columns = || {
             let columns = columns(&self.description.spec);
             columns.map(|(tile, column)| self.tiles[tile].column(column))
@@ -129,14 +144,15 @@ impl Snapshot {
         limits: &Limits,
         admit: impl FnOnce(&SessionSpec) -> Result<T, SessionError>,
     ) -> Result<(Snapshot, T), SessionError> {
-        let (head, mut reader, description) = describe(bytes, limits)?;
+        let (head, mut reader, mut description) = describe(bytes, limits)?;
         description.check(limits)?;
         let admitted = admit(&description.spec)?;
+        let ground = read_ground(&mut reader, &mut description)?;
         let tiles = reader.tiles(&description.spec)?;
         reader.finish(&head[16..])?;
         description.check_mass(&tiles)?;
         let stamp = Stamp { tick: description.clock.tick(), seq: 0 };
-        Ok((Snapshot { stamp, description, tiles: Arc::new(tiles) }, admitted))
+        Ok((Snapshot { stamp, description, ground, tiles: Arc::new(tiles) }, admitted))
     }
 
     /// The host's half of what some bytes hold; its cells are not read.
@@ -144,9 +160,10 @@ impl Snapshot {
     /// # Errors
     /// As [`Snapshot::decode`].
     pub(crate) fn state(bytes: &[u8]) -> Result<SessionState, SessionError> {
-        let (_, _, description) = describe(bytes, &Limits::NONE)?;
+        let (_, mut reader, mut description) = describe(bytes, &Limits::NONE)?;
         description.check(&Limits::NONE)?;
-        Ok(description.state())
+        let ground = read_ground(&mut reader, &mut description)?;
+        Ok(description.state(ground))
     }
 
     /// What it was created with.
@@ -209,6 +226,26 @@ fn describe<'b>(
     Ok((head, reader, description))
 }
 
+/// Reads the terrain of a description, and the ground as it is now where that is another.
+fn read_ground(
+    reader: &mut Body<'_>,
+    description: &mut Description,
+) -> Result<Option<Ground>, SessionError> {
+    let grid = description.spec.grid;
+    let mut read = || {
+        let bytes = reader.bytes(8 * grid.columns())?;
+        let heights = bytes.as_chunks::<8>().0.iter().map(|bytes| f64::from_le_bytes(*bytes));
+        let heights: Arc<[f64]> = heights.collect();
+        let mut check = Check::default();
+        Ground::check(&mut check, "", &heights, &grid);
+        check.finish().map(|()| heights)
+    };
+    if description.terrain {
+        description.spec.terrain = Some(Terrain { heights: read()? });
+    }
+    description.ground.then(|| read().map(Ground::new)).transpose()
+}
+
 impl Simulation {
     /// The session as it is now.
     pub(crate) fn snapshot(&self, stamp: Stamp, tiles: Arc<Vec<TileCells>>) -> Snapshot {
@@ -221,6 +258,8 @@ impl Simulation {
         });
         let description = Description {
             spec: SessionSpec { id: None, ..self.session.spec.clone() },
+            terrain: self.session.spec.terrain.is_some(),
+            ground: self.state.ground.is_some(),
             settings: self.state.settings,
             material: self.state.material,
             clock: self.state.clock,
@@ -230,13 +269,18 @@ impl Simulation {
             last_cycle: self.last_dt,
             colliders: colliders.collect(),
         };
-        Snapshot { stamp, description, tiles }
+        Snapshot { stamp, description, ground: self.state.ground.clone(), tiles }
     }
 
     /// Makes the session what was saved, in the next frame.
     pub(crate) fn restore(&mut self, snapshot: &Snapshot) {
         let saved = &snapshot.description;
-        self.state = saved.state();
+        let lay_elsewhere = self.state.ground.is_some() || snapshot.ground.is_some();
+        self.state = saved.state(snapshot.ground.clone());
+        if lay_elsewhere {
+            let ground = self.ground().heights().clone();
+            self.next.edits.push(Edit::SetGround(ground));
+        }
         self.settled = saved.settled;
         self.last_dt = saved.last_cycle;
         let words = self.state.colliders.values().map(|collider| collider.reach.words());

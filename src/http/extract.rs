@@ -35,6 +35,12 @@ pub trait FromQuery: Sized {
     fn from_query(params: &mut Params) -> Self;
 }
 
+impl<A: FromQuery, B: FromQuery> FromQuery for (A, B) {
+    fn from_query(params: &mut Params) -> (A, B) {
+        (A::from_query(params), B::from_query(params))
+    }
+}
+
 impl<T: DeserializeOwned> FromRequest<App> for Json<T> {
     type Rejection = Problem;
 

@@ -75,7 +75,12 @@ impl Params {
     }
 
     /// Takes a number within a range.
-    pub fn number(&mut self, name: &'static str, lowest: f32, highest: f32) -> Option<f32> {
+    pub fn number<T: FromStr + PartialOrd + Display>(
+        &mut self,
+        name: &'static str,
+        lowest: T,
+        highest: T,
+    ) -> Option<T> {
         let expected = format!("a number from {lowest} to {highest}");
         let value = self.parsed(name, &expected)?;
         if !(lowest..=highest).contains(&value) {

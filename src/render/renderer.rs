@@ -181,12 +181,12 @@ mod tests {
 
     use super::*;
     use crate::render::{Picture, Snow, shoot};
-    use firn_protocol::SessionSpec;
-    use firn_snow::ColumnRect;
+    use crate::session::Ground;
+    use firn_snow::{ColumnRect, Grid};
 
     fn shot() -> Shot {
         let region = ColumnRect { x0: 0, z0: 0, x1: 1, z1: 1 };
-        let snow = Snow::from_depths(&SessionSpec::default(), region, vec![0.0], &[]);
+        let snow = Snow::from_depths((&Grid::default(), &Ground::level()), region, vec![0.0], &[]);
         shoot(&Picture::default(), &snow).0
     }
 

@@ -1,7 +1,9 @@
 //! What a picture is made from: columns of snow, read by whoever wants the picture.
 
-use firn_protocol::{ColliderView, SessionSpec};
-use firn_snow::{ColumnRect, Content, Sample};
+use firn_protocol::ColliderView;
+use firn_snow::{ColumnRect, Content, Grid, Sample};
+
+use crate::session::Ground;
 
 /// Snow of a region of columns, and what stands there. Lists of columns go row by row.
 #[derive(Clone, Debug)]
@@ -23,12 +25,12 @@ pub struct Snow {
 impl Snow {
     /// From cells of the fixed grid, all there are above each column of the region.
     pub fn from_cells(
-        spec: &SessionSpec,
+        (grid, ground): (&Grid, &Ground),
         region: ColumnRect,
         cells: Vec<Sample>,
         colliders: &[ColliderView],
     ) -> Snow {
-        let mut snow = Snow::from_depths(spec, region, Vec::new(), colliders);
+        let mut snow = Snow::from_depths((grid, ground), region, Vec::new(), colliders);
         snow.cells = cells;
         let depth = |column| snow.column(column).map(|cell| cell.fill * snow.cell_size).sum();
         snow.depth = (0..snow.columns()).map(depth).collect();
@@ -37,27 +39,22 @@ impl Snow {
 
     /// From snow depths \[m\] alone.
     pub fn from_depths(
-        spec: &SessionSpec,
+        (grid, ground): (&Grid, &Ground),
         region: ColumnRect,
         depth: Vec<f32>,
         colliders: &[ColliderView],
     ) -> Snow {
-        let (lowest, _) = spec.ground_range();
-        let ground = match &spec.terrain {
-            None => vec![0.0; region.columns() as usize],
-            Some(terrain) => {
-                let rows = (region.z0..region.z1).map(|z| z as usize * spec.grid.width as usize);
-                let row = |first| &terrain.heights[first..][region.x0 as usize..region.x1 as usize];
-                rows.flat_map(row).map(|height| (height - lowest) as f32).collect()
-            }
-        };
+        let lowest = ground.lowest();
+        let columns =
+            (region.z0..region.z1).flat_map(|z| (region.x0..region.x1).map(move |x| (x, z)));
+        let ground = columns.map(|(x, z)| (ground.height(grid, x, z) - lowest) as f32).collect();
         let above_lowest = |collider: &ColliderView| ColliderView {
             bottom: collider.bottom - lowest,
             ..collider.clone()
         };
         Snow {
             region,
-            cell_size: spec.grid.cell_size as f32,
+            cell_size: grid.cell_size as f32,
             ground,
             depth,
             cells: Vec::new(),

@@ -21,7 +21,7 @@ use crate::http::bodies::read_whole;
 use crate::http::gate::{check_host, check_origin, guard};
 use crate::http::handlers::{
     self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
-    probes, profile, render, sessions, snapshots, snowfalls, store, tokens, unlock, usage,
+    probes, profile, render, sessions, snapshots, snowfalls, store, terrain, tokens, unlock, usage,
 };
 use crate::http::observe::observe;
 use crate::http::repeat::answer_once;
@@ -82,6 +82,7 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(air_temperature::put))
         .routes(routes!(colliders::get, colliders::put, colliders::patch, colliders::delete))
         .routes(routes!(heights::get))
+        .routes(routes!(terrain::get, terrain::put))
         .routes(routes!(height::get))
         .routes(routes!(columns::get))
         .routes(routes!(cells::get))

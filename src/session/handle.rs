@@ -122,7 +122,7 @@ impl Session {
             grid: mirror.grid,
             material: mirror.material,
             settings: mirror.settings,
-            terrain: self.spec.terrain.clone(),
+            terrain: !mirror.ground.is_level(),
             state: self.state(mirror.settings.paused),
             locked: self.is_locked(),
             tick: clock.tick(),
@@ -145,10 +145,9 @@ impl Session {
 
     /// Memory that a snapshot of it takes until it is written, at the most \[bytes\].
     pub fn snapshot_bytes(&self) -> u64 {
-        // What its description says of the ground and of each object.
-        let ground = self.spec.terrain.as_ref().map_or(0, |terrain| terrain.heights.len() as u64);
+        // What it says of each object, and of the ground, as it was and as it is.
         let objects = self.mirror().colliders.len() as u64;
-        cell_bytes(&self.spec.grid) + 32 * ground + 512 * objects
+        cell_bytes(&self.spec.grid) + 16 * self.spec.grid.columns() + 512 * objects
     }
 
     fn state(&self, paused: bool) -> State {
@@ -162,7 +161,10 @@ impl Session {
     /// Cells of the fixed grid along y: the slots of a column, on the highest ground.
     pub fn sampled_height(&self, reference: Reference) -> u32 {
         let ground = match reference {
-            Reference::Lowest => self.ground.1 - self.ground.0,
+            Reference::Lowest => {
+                let mirror = self.mirror();
+                mirror.ground.highest() - mirror.ground.lowest()
+            }
             Reference::Ground => 0.0,
         };
         let ground = self.spec.grid.thickness_quanta(ground);

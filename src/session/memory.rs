@@ -7,7 +7,7 @@ use std::mem::size_of;
 use firn_protocol::{ColliderView, Event, MemoryBytes, UsageView};
 
 use crate::core::record::heap_bytes;
-use crate::core::session::{Collider, EVENT_BACKLOG, Simulation};
+use crate::core::session::{Collider, EVENT_BACKLOG, Ground, Simulation};
 use crate::session::handle::Session;
 
 /// What an object takes beside its descriptions: its name, places in maps, and its load.
@@ -46,11 +46,11 @@ impl Session {
     fn host_memory(&self) -> usize {
         let (mirror, objects) = {
             let mirror = self.mirror();
-            (mirror.bytes(), mirror.colliders.len())
+            let changed = Some(&mirror.ground).filter(|ground| !ground.is(&self.ground));
+            let ground = self.ground.bytes() + changed.map_or(0, Ground::bytes);
+            (ground + mirror.bytes(), mirror.colliders.len())
         };
-        let ground = self.spec.terrain.as_ref().map_or(0, |terrain| terrain.heights.len());
-        let ground = ground * size_of::<f64>();
-        let own = size_of::<Session>() + EVENTS + heap_bytes(&self.spec) + ground + mirror;
+        let own = size_of::<Session>() + EVENTS + heap_bytes(&self.spec) + mirror;
         let views = objects * (size_of::<ColliderView>() + OBJECT);
         if self.is_hibernating() {
             return own + views;

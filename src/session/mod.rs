@@ -18,7 +18,7 @@ pub use crate::core::session::Limits;
 pub use crate::core::session::Publication;
 pub use crate::core::session::Simulation;
 pub use crate::core::session::{Applied, Change};
-pub use crate::core::session::{CellBox, Gathered, MOST_SAMPLES, Sampled};
+pub use crate::core::session::{CellBox, Gathered, Ground, MOST_SAMPLES, Sampled};
 pub use crate::core::session::{Clock, FRAME_RATE};
 pub use crate::core::session::{Grant, TokenHashes};
 pub use crate::core::session::{Invalid, SessionError};

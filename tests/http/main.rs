@@ -23,4 +23,5 @@ mod strangers;
 #[path = "../support/mod.rs"]
 mod support;
 mod tenants;
+mod terrain;
 mod viewer;

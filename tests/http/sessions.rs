@@ -53,7 +53,7 @@ async fn a_session_is_created_read_and_deleted(backend: BackendChoice) {
     assert_eq!(session["material"]["hardness_law"], "calibrated");
     assert_eq!(session["material"]["load_distribution"], "two_to_one");
     assert_eq!(session["state"], "running");
-    assert_eq!(session["terrain"], Value::Null);
+    assert_eq!(session["terrain"], false);
     assert_eq!(session["idle_timeout_s"], Value::Null);
     assert_eq!(session["stream_url"], format!("{path}/stream"));
     assert_eq!(session["summary"]["tiles"], 49);

@@ -54,6 +54,12 @@ def test_heights_are_arrays(client: Client) -> None:
     part = session.heights(column_x=1, column_z=0, width=3, depth=2)
     np.testing.assert_array_equal(part.heights, whole.heights[:2, 1:4])
     assert session.heights(stride=4).heights.shape == (3, 4)
+    elevations = np.add.outer(np.arange(12), np.arange(16)) * 0.25
+    assert session.put_terrain(elevations)["seq"] > whole.seq
+    np.testing.assert_array_equal(session.terrain().heights, elevations.astype(np.float32))
+    np.testing.assert_array_equal(session.terrain(stride=4).heights, elevations[::4, ::4])
+    np.testing.assert_allclose(session.heights(surface=True).heights, whole.heights + elevations, atol=1e-5)
+    assert session.cells(["density"], reference="ground")["density"].shape[1] == session.get()["grid"]["height"]
     assert session.height(0.1, 0.1) == pytest.approx(float(whole.heights[0, 0]))
 
     column = session.column(1, 0)

@@ -23,6 +23,7 @@ import type {
   SnowfallReply,
   Stamp,
   StepSpec,
+  TerrainQuery,
   Tokens,
   Usage,
 } from "./types.ts";
@@ -141,8 +142,33 @@ export class Session {
 
   /** Snow depths [m]. */
   async heights(query: HeightsQuery = {}): Promise<Heights> {
+    return this.floats("/heights", query);
+  }
+
+  /** Elevations of the ground [m]. */
+  terrain(query: TerrainQuery = {}): Promise<Heights> {
+    return this.floats("/terrain", query);
+  }
+
+  /** Lays other ground under the snow: an elevation [m] for each column, row by row. */
+  putTerrain(elevations: Float32Array): Promise<Stamp> {
+    const bytes = new DataView(new ArrayBuffer(4 * elevations.length));
+    elevations.forEach((elevation, i) => bytes.setFloat32(4 * i, elevation, true));
+    return this.putGround(bytes.buffer, "application/octet-stream");
+  }
+
+  /** The same from a grey image of 8 or 16 bits, a pixel for each column: metres = grey · scale + offset. */
+  putTerrainImage(png: ArrayBuffer, scale: number, offset = 0): Promise<Stamp> {
+    return this.putGround(png, "image/png", { scale, offset });
+  }
+
+  private putGround(body: ArrayBuffer, contentType: string, query: Record<string, number> = {}): Promise<Stamp> {
+    return this.call("/terrain", { method: "PUT", body, contentType, query });
+  }
+
+  private async floats(below: string, query: HeightsQuery): Promise<Heights> {
     const accept = "application/octet-stream";
-    const response = await send(this.access, this.path("/heights"), { query, accept });
+    const response = await send(this.access, this.path(below), { query, accept });
     const view = new DataView(await response.arrayBuffer());
     const heights = Float32Array.from({ length: view.byteLength / 4 }, (_, i) => view.getFloat32(4 * i, true));
     const stamp = (name: string) => Number(response.headers.get(name));

@@ -16,6 +16,7 @@ export type {
   Grid,
   GridSpec,
   GetHeightsQuery as HeightsQuery,
+  GetTerrainQuery as TerrainQuery,
   LayerView as Layer,
   MassView as MassLedger,
   Material,

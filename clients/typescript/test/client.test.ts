@@ -67,6 +67,10 @@ test("a session's life over REST", async () => {
   const { heights } = await session.heights();
   assert.equal(heights.length, 16 * 12);
   assert.ok(Math.abs((await session.height(0.1, 0.1)).height - (heights[0] as number)) < 1e-6);
+  const ground = Float32Array.from({ length: 16 * 12 }, (_, i) => i / 8);
+  assert.ok((await session.putTerrain(ground)).seq > 0);
+  assert.deepEqual((await session.terrain()).heights, ground);
+  assert.equal((await session.get()).terrain, true);
   const column = await session.column(0, 0);
   assert.ok(column.layers.length > 0 && Math.abs(column.height - (heights[0] as number)) < 1e-6);
   const cells = await session.cells({ width: 2, depth: 3, height: 4, fields: ["density", "hardness"] });

@@ -35,6 +35,16 @@ pub enum Event {
         /// All settings, as they are now.
         settings: Settings,
     },
+    /// The snow lies on other ground.
+    Terrain {
+        /// When.
+        #[serde(flatten)]
+        stamp: Stamp,
+        /// Lowest elevation of the ground \[m\].
+        lowest: f64,
+        /// Highest elevation of the ground \[m\].
+        highest: f64,
+    },
     /// Nothing moves any more.
     Settled {
         /// When.

@@ -202,8 +202,8 @@ pub struct SessionView {
     /// Settings.
     #[serde(flatten)]
     pub settings: Settings,
-    /// Elevation of the ground; `null` is level ground.
-    pub terrain: Option<Terrain>,
+    /// Whether it was told a ground to lie on (`GET …/terrain`); without, the ground is level at 0.
+    pub terrain: bool,
     /// What it is doing.
     pub state: State,
     /// Whether it takes no changes: it came back from a damaged store, and an administrator has to say

@@ -70,7 +70,11 @@ impl Entry {
 impl Command {
     /// Memory that it takes beside its own size.
     fn heap(&self) -> usize {
-        let Command::Objects { removed, put } = self else { return 0 };
+        let (removed, put) = match self {
+            Command::Objects { removed, put } => (removed, put),
+            Command::Ground(ground) => return ground.bytes(),
+            _ => return 0,
+        };
         let names = removed.iter().chain(put.iter().map(|(id, _)| id));
         let places = removed.capacity() * size_of::<Arc<str>>()
             + put.capacity() * size_of::<(Arc<str>, ObjectSpec)>();

@@ -58,6 +58,13 @@ impl SessionState {
                 self.settings = new;
                 Disturbed { tiles: None, all: rate || stiffness }
             }
+            Command::Ground(ground) => {
+                orders.edits.push(Edit::SetGround(ground.heights().clone()));
+                orders.changed = true;
+                self.ground = Some(ground.clone());
+                let tiles = self.colliders.values().map(|collider| collider.reach.tiles).sum();
+                Disturbed { tiles: Some(tiles).filter(|tiles| *tiles > 0), all: false }
+            }
             // It brings another state along.
             Command::Reset => Disturbed::default(),
             Command::Objects { removed, put } => {

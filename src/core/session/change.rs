@@ -6,6 +6,8 @@ use firn_protocol::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::core::session::Ground;
+
 /// A change of a session, validated when it is applied.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -36,6 +38,8 @@ pub enum Change {
     },
     /// Several colliders are put and removed, all or none.
     Colliders(ColliderBatch),
+    /// The snow lies on other ground, one that was checked.
+    Ground(Ground),
 }
 
 impl Change {
@@ -62,6 +66,7 @@ impl Change {
             | Change::Clearing(_)
             | Change::AirTemperature(_)
             | Change::Settings(_) => 0,
+            Change::Ground(ground) => ground.bytes(),
         };
         size_of::<Change>() + beside
     }

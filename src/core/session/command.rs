@@ -7,7 +7,7 @@ use firn_protocol::Settings;
 use firn_snow::{ColumnRect, Grid, Position, Shape};
 use serde::{Deserialize, Serialize};
 
-use crate::core::session::Told;
+use crate::core::session::{Ground, Told};
 
 /// What is done with a snowpack. It needs nothing but the state before it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,6 +21,8 @@ pub(crate) enum Command {
     Settings { settings: Settings, stiffness_exponent: f64 },
     /// Objects are taken away, then put.
     Objects { removed: Vec<Arc<str>>, put: Vec<(Arc<str>, ObjectSpec)> },
+    /// The snow lies on other ground.
+    Ground(Ground),
     /// Back to the state that the session was created in.
     Reset,
 }

@@ -4,7 +4,7 @@ mod objects;
 mod settings;
 mod weather;
 
-use crate::core::session::{Change, Decision, SessionError, SessionState};
+use crate::core::session::{Change, Command, Decision, SessionError, SessionState, Told};
 
 impl SessionState {
     /// Decides what a change does, or refuses it whole. `most` is how many objects there may be; `None`
@@ -20,6 +20,10 @@ impl SessionState {
             Change::PatchCollider { id, patch } => self.decide_patch(id, patch, most),
             Change::DeleteCollider { id } => self.decide_removal(id),
             Change::Colliders(batch) => self.decide_batch(batch, most),
+            // It was checked before it came here: that takes a while.
+            Change::Ground(ground) => {
+                Ok(Decision { command: Command::Ground(ground.clone()), told: Told::Ground })
+            }
         }
     }
 }

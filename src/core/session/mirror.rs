@@ -5,10 +5,10 @@ use std::collections::TryReserveError;
 use std::sync::Arc;
 
 use firn_engine::reserve::try_filled;
-use firn_protocol::{ColliderView, Settings, Stamp, Summary};
+use firn_protocol::{ColliderView, SessionSpec, Settings, Stamp, Summary};
 use firn_snow::{Grid, Material, TILE_COLUMNS};
 
-use crate::core::session::Clock;
+use crate::core::session::{Clock, Ground};
 
 pub use firn_engine::published::TileColumns;
 
@@ -21,6 +21,10 @@ pub struct Mirror {
     pub material: Material,
     /// Settings at `seq`.
     pub settings: Settings,
+    /// The ground at `seq`.
+    pub ground: Ground,
+    /// `seq` at which the ground last changed.
+    pub ground_version: u64,
     /// The clock when this was published.
     pub clock: Clock,
     /// Frame of the publication where ticks pass without changing anything since; `None` where
@@ -82,19 +86,21 @@ impl Mirror {
     /// # Errors
     /// Where there is no memory for it.
     pub fn new(
-        grid: Grid,
-        material: Material,
-        settings: Settings,
+        spec: &SessionSpec,
+        ground: Ground,
         clock: Clock,
     ) -> Result<Mirror, TryReserveError> {
+        let grid = spec.grid;
         let count = grid.tiles() as usize;
         let tiles = try_filled(count, [0; TILE_COLUMNS as usize])?;
         let versions = try_filled(count, 1)?;
         let sums = try_filled(count, Sums::BARE)?;
         Ok(Mirror {
             grid,
-            material,
-            settings,
+            material: spec.material,
+            settings: spec.settings(),
+            ground,
+            ground_version: 1,
             clock,
             resting_since: None,
             seq: 1,
@@ -130,8 +136,18 @@ impl Mirror {
     /// versions that tiles had, where they are known.
     pub(crate) fn go_on_from(&mut self, seq: u64, versions: Option<&[u64]>) {
         self.seq = seq;
+        // Nobody knows which ground was told before.
+        self.ground_version = seq;
         if let Some(versions) = versions.filter(|known| known.len() == self.versions.len()) {
             self.versions.copy_from_slice(versions);
+        }
+    }
+
+    /// Takes over the ground as it is at `seq`.
+    pub(crate) fn lie_on(&mut self, ground: &Ground, seq: u64) {
+        if !self.ground.is(ground) {
+            self.ground = ground.clone();
+            self.ground_version = seq;
         }
     }
 

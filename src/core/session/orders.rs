@@ -85,6 +85,7 @@ pub(crate) enum Told {
         created: bool,
     },
     Settings,
+    Ground,
     Stamp,
 }
 

@@ -12,7 +12,7 @@ use ulid::Ulid;
 
 use crate::core::record::{Epochs, Identity, Weight};
 use crate::core::session::{
-    Clock, FRAME_RATE, Limits, Mirror, Publication, Receipts, SessionError, TokenHashes,
+    Clock, FRAME_RATE, Ground, Limits, Mirror, Publication, Receipts, SessionError, TokenHashes,
 };
 use crate::core::snapshot::Snapshot;
 use crate::core::tenant::Tenant;
@@ -51,8 +51,8 @@ pub struct Outlet {
     pub(crate) hibernating: AtomicBool,
     /// It takes no changes until an administrator unlocks it.
     pub(crate) locked: AtomicBool,
-    /// Lowest and highest elevation of the ground \[m\].
-    pub(crate) ground: (f64, f64),
+    /// The ground that it was created with.
+    pub(crate) ground: Ground,
     /// Requests under way and streams.
     pub(crate) visitors: AtomicU32,
     /// Frame in which somebody was last known to be with it.
@@ -85,7 +85,8 @@ impl Outlet {
         // A list that was read has room to grow.
         spec.initial_snow.shrink_to_fit();
         let clock = Clock::new(spec.tick_rate, spec.time_scale);
-        let mirror = Mirror::new(spec.grid, spec.material, spec.settings(), clock);
+        let ground = Ground::of(spec.terrain.as_ref());
+        let mirror = Mirror::new(&spec, ground.clone(), clock);
         let mirror = mirror.map_err(|error| {
             let columns = spec.grid.columns();
             SessionError::NoMemory(format!(
@@ -108,7 +109,7 @@ impl Outlet {
             gone: CancellationToken::new(),
             hibernating: AtomicBool::new(false),
             locked: AtomicBool::new(false),
-            ground: spec.ground_range(),
+            ground,
             visitors: AtomicU32::new(0),
             device_ns: AtomicU64::new(0),
             last_used: AtomicU64::new(frames.load(Ordering::Relaxed)),

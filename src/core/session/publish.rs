@@ -105,6 +105,7 @@ impl Simulation {
             mirror.colliders = colliders;
             mirror.colliders_version = seq;
         }
+        mirror.lie_on(self.ground(), seq);
         self.write_clock(&mut mirror);
         mirror.active_tiles = outcome.active_tiles;
         mirror.seq = seq;
@@ -131,6 +132,8 @@ impl Simulation {
         tiles.for_each(|(tile, heights)| mirror.recall(tile, heights));
         mirror.colliders = collider_views(&self.state);
         mirror.colliders_version = mirror.seq;
+        let seq = mirror.seq;
+        mirror.lie_on(self.ground(), seq);
         mirror.active_tiles = outcome.active_tiles;
         self.write_clock(&mut mirror);
     }
@@ -166,10 +169,11 @@ impl Simulation {
                     answer.give(Ok(Receipted { answer: (), position }));
                 }
                 Reply::Change { told, edit, once, answer } => {
-                    let set = matches!(told, Told::AirTemperature | Told::Settings);
                     let found = outcome.edits.get(edit).copied().unwrap_or_default();
-                    let applied = self.applied(told, found, stamp);
-                    self.tell_of(&applied, set, stamp);
+                    let applied = self.applied(&told, found, stamp);
+                    if let Some(event) = self.event(&told, &applied, stamp) {
+                        self.tell(event);
+                    }
                     if let Some(once) = once {
                         self.log.answered(Done::applied(&once, &applied, stored));
                     }
@@ -201,24 +205,31 @@ impl Simulation {
         }
     }
 
-    /// Tells streams of a change, where it is one of the weather or, as `set`, of the settings.
-    fn tell_of(&self, applied: &Applied, set: bool, stamp: Stamp) {
-        match *applied {
-            Applied::Snowfall(SnowfallReply { fallen_mass, refused_mass, .. }) => {
-                self.tell(Event::Snowfall { stamp, fallen_mass, refused_mass });
+    /// What streams are told of a change; those of objects show by themselves.
+    fn event(&self, told: &Told, applied: &Applied, stamp: Stamp) -> Option<Event> {
+        Some(match (told, applied) {
+            (_, &Applied::Snowfall(SnowfallReply { fallen_mass, refused_mass, .. })) => {
+                Event::Snowfall { stamp, fallen_mass, refused_mass }
             }
-            Applied::Clearing(ClearingReply { cleared_mass, .. }) => {
-                self.tell(Event::Clearing { stamp, cleared_mass });
+            (_, &Applied::Clearing(ClearingReply { cleared_mass, .. })) => {
+                Event::Clearing { stamp, cleared_mass }
             }
-            _ if set => self.tell(Event::Settings { stamp, settings: self.state.settings }),
-            _ => {}
-        }
+            (Told::AirTemperature | Told::Settings, _) => {
+                Event::Settings { stamp, settings: self.state.settings }
+            }
+            (Told::Ground, _) => Event::Terrain {
+                stamp,
+                lowest: self.ground().lowest(),
+                highest: self.ground().highest(),
+            },
+            _ => return None,
+        })
     }
 
     /// What is answered to a change, of whose last edit the device `found` something.
-    fn applied(&self, told: Told, found: u64, stamp: Stamp) -> Applied {
+    fn applied(&self, told: &Told, found: u64, stamp: Stamp) -> Applied {
         let grid = &self.session.spec.grid;
-        match told {
+        match *told {
             Told::Snowfall { fallen, refused } => Applied::Snowfall(SnowfallReply {
                 stamp,
                 fallen_mass: grid.kilograms(fallen),
@@ -232,9 +243,9 @@ impl Simulation {
                 stamp,
                 celsius: self.state.settings.air_temperature,
             }),
-            Told::Collider { id, created } => {
+            Told::Collider { ref id, created } => {
                 let mirror = self.session.mirror();
-                let place = mirror.colliders.binary_search_by(|view| (*view.id).cmp(&id));
+                let place = mirror.colliders.binary_search_by(|view| (*view.id).cmp(id));
                 match place {
                     Ok(i) => {
                         let collider = mirror.colliders[i].clone();
@@ -244,7 +255,7 @@ impl Simulation {
                     Err(_) => Applied::Stamp(stamp),
                 }
             }
-            Told::Settings | Told::Stamp => Applied::Stamp(stamp),
+            Told::Settings | Told::Ground | Told::Stamp => Applied::Stamp(stamp),
         }
     }
 
@@ -257,7 +268,7 @@ impl Simulation {
 impl Outlet {
     /// Makes the mirror what it was when something was saved, where no device does that.
     pub(crate) fn show_saved(&self, saved: &Snapshot) {
-        let state = saved.description.state();
+        let state = saved.description.state(saved.ground.clone());
         let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
         for (tile, cells) in (0..).zip(saved.tiles.iter()) {
             let height = |column| cells.column(column).map(|cell| cell.thickness).sum();
@@ -268,6 +279,8 @@ impl Outlet {
         }
         mirror.colliders = collider_views(&state);
         mirror.colliders_version = mirror.seq;
+        let seq = mirror.seq;
+        mirror.lie_on(state.ground.as_ref().unwrap_or(&self.ground), seq);
         mirror.clock = state.clock;
         mirror.settled = saved.description.settled && state.settings.snowfall_rate == 0.0;
         mirror.mass_quanta = state.ledger.present();

@@ -10,7 +10,7 @@ use firn_snow::{Elevation, Floor};
 use crate::core::object_rows::ObjectRows;
 use crate::core::record::{Log, Replay};
 use crate::core::session::{
-    Answer, CellBox, Charge, Command, Flight, Orders, Outlet, Portions, Receipted, Reply,
+    Answer, CellBox, Charge, Command, Flight, Ground, Orders, Outlet, Portions, Receipted, Reply,
     SessionError, SessionState, StepJob,
 };
 use crate::core::snapshot::Snapshot;
@@ -149,6 +149,9 @@ impl Simulation {
         self.next.counted.clear();
         self.object_rows.take(0);
         let before = std::mem::replace(&mut self.state, SessionState::new(spec));
+        if before.ground.is_some() {
+            self.next.edits.push(Edit::SetGround(session.ground.heights().clone()));
+        }
         let removed = before.colliders.into_keys();
         self.next.edits.extend(removed.map(|id| Edit::RemoveCollider { id }));
         self.next.edits.push(Edit::Clear { columns: spec.grid.all(), depth: 0 });
@@ -165,12 +168,17 @@ impl Simulation {
         Layout { grid: spec.grid, material: spec.material, ground: ground.unwrap_or_default() }
     }
 
+    /// The ground as it is now.
+    pub(crate) fn ground(&self) -> &Ground {
+        self.state.ground.as_ref().unwrap_or(&self.session.ground)
+    }
+
     /// What the backend is asked for some cells of the fixed grid.
     pub(crate) fn sample_box(&self, wanted: &CellBox) -> SampleBox {
         let CellBox { columns, reference, y0, height } = *wanted;
         let floor = match reference {
             Reference::Lowest => {
-                Floor::Level(Elevation::new(&self.state.grid, self.session.ground.0))
+                Floor::Level(Elevation::new(&self.state.grid, self.ground().lowest()))
             }
             Reference::Ground => Floor::Ground,
         };

@@ -1,9 +1,9 @@
 //! What a session may be created with.
 
 use firn_protocol::{SessionSpec, Settings, is_valid_id};
-use firn_snow::{Grid, MAX_COLUMN_MASS, MAX_RELIEF_CELLS, Material};
+use firn_snow::{Grid, MAX_COLUMN_MASS, Material};
 
-use crate::core::session::{Check, SessionError};
+use crate::core::session::{Check, Ground, SessionError};
 
 /// Most layers of initial snow.
 const MOST_LAYERS: usize = 1024;
@@ -24,10 +24,6 @@ pub struct Limits {
     /// Colliders in one session.
     pub colliders_per_session: usize,
 }
-
-/// Farthest elevation of the ground from 0 \[m\]: no ground on Earth is beyond it, and an `f32` still tells
-/// 2 mm there.
-const FARTHEST_ELEVATION: f64 = 20_000.0;
 
 impl Limits {
     /// For what was within the limits when it was made.
@@ -67,7 +63,9 @@ impl Limits {
                 check.snow_density(at("density"), density, &spec.material);
             }
         }
-        check_terrain(&mut check, spec);
+        if let Some(terrain) = &spec.terrain {
+            Ground::check(&mut check, "/terrain/heights", &terrain.heights, &spec.grid);
+        }
         check.finish()
     }
 
@@ -147,42 +145,6 @@ fn check_material(check: &mut Check, spec: &SessionSpec) {
                 "height · cell_size · max_density is {mass} kg/m²; \
                  a column may hold at most {MAX_COLUMN_MASS} kg/m²"
             ),
-        );
-    }
-}
-
-fn check_terrain(check: &mut Check, spec: &SessionSpec) {
-    let Some(terrain) = &spec.terrain else { return };
-    if terrain.heights.len() as u64 != spec.grid.columns() {
-        check.reject(
-            "/terrain/heights",
-            format!(
-                "{} elevations for {} × {} columns",
-                terrain.heights.len(),
-                spec.grid.width,
-                spec.grid.depth
-            ),
-        );
-        return;
-    }
-    let allowed = -FARTHEST_ELEVATION..=FARTHEST_ELEVATION;
-    let mut heights = terrain.heights.iter();
-    if let Some(index) = heights.position(|height| !allowed.contains(height)) {
-        check.range(
-            format!("/terrain/heights/{index}"),
-            terrain.heights[index],
-            *allowed.start(),
-            *allowed.end(),
-            "m",
-        );
-        return;
-    }
-    let (lowest, highest) = spec.ground_range();
-    let range = f64::from(MAX_RELIEF_CELLS) * spec.grid.cell_size;
-    if highest - lowest > range {
-        check.reject(
-            "/terrain/heights",
-            format!("elevations range over {} m; at most {range} m are allowed", highest - lowest),
         );
     }
 }

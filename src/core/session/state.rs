@@ -6,7 +6,7 @@ use std::sync::Arc;
 use firn_protocol::{SessionSpec, Settings};
 use firn_snow::{Contact, Grid, Material, Position, Shape};
 
-use crate::core::session::{Clock, Falling, Ledger, Reach, Snowing};
+use crate::core::session::{Clock, Falling, Ground, Ledger, Reach, Snowing};
 
 /// The host's half of a snowpack: all but its cells. Changes are decided and applied here, without a device.
 #[derive(Clone, Debug)]
@@ -18,6 +18,8 @@ pub(crate) struct SessionState {
     pub colliders: BTreeMap<Arc<str>, Collider>,
     pub ledger: Ledger,
     pub falling: Falling,
+    /// The ground, where it is no longer the one that the session was created with.
+    pub ground: Option<Ground>,
 }
 
 /// An object on the snow.
@@ -43,6 +45,7 @@ impl SessionState {
             colliders: BTreeMap::new(),
             ledger: Ledger::default(),
             falling: Falling::default(),
+            ground: None,
         }
     }
 

@@ -8,7 +8,7 @@ use firn_snow::{Contact, Elevation, Footprint, Grid, Material, Position, Shape};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::{
-    Check, Clock, Collider, Falling, Ledger, Limits, ObjectSpec, SessionError, SessionState,
+    Check, Clock, Collider, Falling, Ground, Ledger, Limits, ObjectSpec, SessionError, SessionState,
 };
 use crate::core::snapshot::refused;
 
@@ -17,6 +17,12 @@ use crate::core::snapshot::refused;
 #[serde(deny_unknown_fields)]
 pub struct Description {
     pub spec: SessionSpec,
+    /// The terrain of `spec` stands behind the description.
+    #[serde(default)]
+    pub terrain: bool,
+    /// So does the ground as it is now, which is another.
+    #[serde(default)]
+    pub ground: bool,
     pub settings: Settings,
     pub material: Material,
     pub clock: Clock,
@@ -48,7 +54,7 @@ impl SavedCollider {
 
 impl Description {
     /// The host's half of what was saved.
-    pub fn state(&self) -> SessionState {
+    pub fn state(&self, ground: Option<Ground>) -> SessionState {
         let grid = self.spec.grid;
         let collider = |saved: &SavedCollider| {
             let SavedCollider { mass, shape, position, contact, .. } = *saved;
@@ -63,6 +69,7 @@ impl Description {
             colliders: self.colliders.iter().map(collider).collect(),
             ledger: self.ledger,
             falling: self.falling,
+            ground,
         }
     }
 

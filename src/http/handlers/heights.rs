@@ -1,5 +1,6 @@
 //! Snow depths of many columns.
 
+pub(super) mod decode;
 mod encode;
 mod window;
 
@@ -19,23 +20,23 @@ use crate::http::query::Params;
 use crate::http::state::App;
 use crate::http::target::Target;
 use crate::problem::Problem;
-use crate::session::Session;
+use crate::session::{Mirror, Session, Visit};
 
 use self::window::Window;
 use super::{json, stamp_headers};
 
-const JSON: &str = "application/json";
-const FLOATS: &str = "application/octet-stream";
-const PNG: &str = "image/png";
-const NPY: &str = "application/x-npy";
+pub(super) const JSON: &str = "application/json";
+pub(super) const FLOATS: &str = "application/octet-stream";
+pub(super) const PNG: &str = "image/png";
+pub(super) const NPY: &str = "application/x-npy";
 
 /// What heights exist as; the first is the default.
-const MEDIA_TYPES: [&str; 4] = [JSON, FLOATS, PNG, NPY];
+pub(super) const MEDIA_TYPES: [&str; 4] = [JSON, FLOATS, PNG, NPY];
 
 /// Which columns are asked for.
 #[derive(Debug, IntoParams)]
 #[into_params(parameter_in = Query)]
-pub struct HeightsQuery {
+pub struct WindowQuery {
     /// First column along x.
     #[param(default = 0)]
     column_x: Option<u32>,
@@ -51,20 +52,16 @@ pub struct HeightsQuery {
     /// Columns from one sample to the next: 1, 2, 4 or 8.
     #[param(minimum = 1, maximum = 8, default = 1)]
     stride: Option<u32>,
-    /// Adds the elevation of the ground.
-    #[param(default = false)]
-    surface: Option<bool>,
 }
 
-impl FromQuery for HeightsQuery {
-    fn from_query(params: &mut Params) -> HeightsQuery {
-        let query = HeightsQuery {
+impl FromQuery for WindowQuery {
+    fn from_query(params: &mut Params) -> WindowQuery {
+        let query = WindowQuery {
             column_x: params.whole("column_x", 0, u32::MAX),
             column_z: params.whole("column_z", 0, u32::MAX),
             width: params.whole("width", 1, u32::MAX),
             depth: params.whole("depth", 1, u32::MAX),
             stride: params.whole("stride", 1, 8),
-            surface: params.flag("surface"),
         };
         if let Some(stride) = query.stride.filter(|stride| !stride.is_power_of_two()) {
             params.reject("stride", format!("expected 1, 2, 4 or 8, found {stride}"));
@@ -73,7 +70,33 @@ impl FromQuery for HeightsQuery {
     }
 }
 
-/// Snow depths of a region.
+/// Which heights are asked for.
+#[derive(Debug, IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct SurfaceQuery {
+    /// Adds the elevation of the ground.
+    #[param(default = false)]
+    surface: Option<bool>,
+}
+
+impl FromQuery for SurfaceQuery {
+    fn from_query(params: &mut Params) -> SurfaceQuery {
+        SurfaceQuery { surface: params.flag("surface") }
+    }
+}
+
+/// What of the columns is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shown {
+    /// Snow depths.
+    Depth,
+    /// Elevations of the snow's surface.
+    Surface,
+    /// Elevations of the ground.
+    Ground,
+}
+
+/// Heights of a region.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct HeightsView {
     /// When this holds.
@@ -89,7 +112,7 @@ pub struct HeightsView {
     stride: u32,
     /// Side of a column \[m\].
     cell_size: f64,
-    /// Snow depths \[m\], row by row: index = z · width + x.
+    /// Snow depths \[m\], or elevations where those are asked for, row by row: index = z · width + x.
     #[schema(value_type = Vec<f64>)]
     heights: Heights,
 }
@@ -132,7 +155,7 @@ pub struct NumpyArray(Vec<u8>);
     path = "/v1/sessions/{id}/heights",
     operation_id = "get_heights",
     tag = "snow",
-    params(SessionPath, HeightsQuery, Held),
+    params(SessionPath, WindowQuery, SurfaceQuery, Held),
     responses(
         (status = 200, description = "Snow depths in metres, row by row",
             content((HeightsView = "application/json"), (Floats = "application/octet-stream"),
@@ -162,20 +185,33 @@ pub struct NumpyArray(Vec<u8>);
 pub async fn get(
     State(app): State<App>,
     Target(session): Target,
-    Query(query): Query<HeightsQuery>,
+    Query(query): Query<(WindowQuery, SurfaceQuery)>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let media_type = accept::choose(&headers, &MEDIA_TYPES).ok_or_else(|| {
+    let (window, SurfaceQuery { surface }) = query;
+    let shown = if surface.unwrap_or(false) { Shown::Surface } else { Shown::Depth };
+    tell(&app, session, &window, shown, &headers).await
+}
+
+/// Answers with heights of a window, as the client accepts them.
+pub(super) async fn tell(
+    app: &App,
+    session: Visit,
+    query: &WindowQuery,
+    shown: Shown,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
+    let media_type = accept::choose(headers, &MEDIA_TYPES).ok_or_else(|| {
         Problem::not_acceptable(format!("heights exist as {}", MEDIA_TYPES.join(", ")))
     })?;
-    let window = Window::new(&query, &session.spec.grid)?;
-    let read = Read { window, surface: query.surface.unwrap_or(false), media_type };
+    let window = Window::new(query, &session.spec.grid)?;
+    let read = Read { window, shown, media_type };
     if headers.contains_key(header::IF_NONE_MATCH) {
         let (stamp, tag) = {
             let mirror = session.mirror();
-            (mirror.stamp_at(session.frame()), read.tag(&session, read.window.version(&mirror)))
+            (mirror.stamp_at(session.frame()), read.tag(&session, read.version(&mirror)))
         };
-        if etag::is_held(&headers, &tag) {
+        if etag::is_held(headers, &tag) {
             return Ok(
                 (StatusCode::NOT_MODIFIED, stamp_headers(stamp), validators(tag)).into_response()
             );
@@ -188,11 +224,20 @@ pub async fn get(
 /// What a client reads, and as what.
 struct Read {
     window: Window,
-    surface: bool,
+    shown: Shown,
     media_type: &'static str,
 }
 
 impl Read {
+    /// The newest change of what it shows.
+    fn version(&self, mirror: &Mirror) -> u64 {
+        match self.shown {
+            Shown::Depth => self.window.version(mirror),
+            Shown::Surface => self.window.version(mirror).max(mirror.ground_version),
+            Shown::Ground => mirror.ground_version,
+        }
+    }
+
     /// The weak ETag of the answer while `version` is the newest of its tiles.
     fn tag(&self, session: &Session, version: u64) -> String {
         let Window { origin: Origin { column_x, column_z }, width, depth, stride } = self.window;
@@ -202,35 +247,44 @@ impl Read {
             NPY => 'n',
             _ => 'j',
         };
-        let ground = if self.surface { "s" } else { "" };
+        let shown = match self.shown {
+            Shown::Depth => "",
+            Shown::Surface => "s",
+            Shown::Ground => "g",
+        };
         let epoch = &session.epoch;
         format!(
-            "W/\"{epoch}-{version}-{column_x}.{column_z}.{width}.{depth}.{stride}{media}{ground}\""
+            "W/\"{epoch}-{version}-{column_x}.{column_z}.{width}.{depth}.{stride}{media}{shown}\""
         )
     }
 
     /// Memory that making the answer takes for a sample: its thickness, its elevation, and what is
     /// written, with room for it to grow.
     fn bytes_per_sample(&self) -> u64 {
-        let ground = if self.surface { 8 } else { 0 };
+        let read = match self.shown {
+            Shown::Depth => 4,
+            Shown::Surface => 4 + 8,
+            Shown::Ground => 8,
+        };
         let written = match self.media_type {
             FLOATS | NPY => 4,
             PNG => 6,
             _ => encode::LONGEST_NUMBER as u64,
         };
-        4 + ground + written
+        read + written
     }
 
     fn answer(&self, session: &Session) -> Result<Response, Problem> {
         let grid = session.spec.grid;
-        let (stamp, version, quanta) = {
+        let (stamp, version, quanta, ground) = {
             let mirror = session.mirror();
-            let version = self.window.version(&mirror);
-            (mirror.stamp_at(session.frame()), version, self.window.copy(&mirror))
+            let stamp = mirror.stamp_at(session.frame());
+            let quanta = (self.shown != Shown::Ground).then(|| self.window.copy(&mirror));
+            (stamp, self.version(&mirror), quanta, mirror.ground.clone())
         };
-        let terrain = session.spec.terrain.as_ref().filter(|_| self.surface);
-        let ground = terrain.map(|terrain| self.window.ground(&terrain.heights, &grid).collect());
-        let heights = Heights { grid, quanta, ground };
+        let elevations = || self.window.ground(&ground, &grid).collect();
+        let elevations = (self.shown != Shown::Depth).then(elevations);
+        let heights = Heights { grid, quanta, ground: elevations };
         let headers = (stamp_headers(stamp), validators(self.tag(session, version)));
         let kind = [(header::CONTENT_TYPE, HeaderValue::from_static(self.media_type))];
         let (width, depth) = (self.window.width, self.window.depth);
@@ -238,13 +292,13 @@ impl Read {
             FLOATS => (headers, kind, encode::floats(&heights)?).into_response(),
             NPY => (headers, kind, encode::npy(&heights, width, depth)?).into_response(),
             PNG => {
-                let grey = encode::Grey::new(&grid, terrain);
+                let grey = encode::Grey::new(&grid, &ground, self.shown);
                 let image = encode::png(&heights, width, depth, grey)
                     .map_err(|_| Problem::internal("the image can't be written"))?;
                 (headers, kind, grey.headers(), image).into_response()
             }
             _ => {
-                let bytes = heights.quanta.len() * encode::LONGEST_NUMBER;
+                let bytes = heights.count() * encode::LONGEST_NUMBER;
                 let view = self.view(stamp, grid.cell_size, heights);
                 (headers, json(&view, bytes)?).into_response()
             }
@@ -257,24 +311,30 @@ impl Read {
     }
 }
 
-/// Snow depths, or elevations of the surface, as they were copied out of the mirror.
+/// Heights as they were copied out of the mirror.
 #[derive(Debug)]
 struct Heights {
     grid: Grid,
-    /// Thicknesses, in quanta.
-    quanta: Vec<u32>,
-    /// Elevations of the ground under them \[m\]; none for depths.
+    /// Thicknesses of the snow, in quanta; none for elevations of the ground.
+    quanta: Option<Vec<u32>>,
+    /// Elevations of the ground \[m\]; none for depths.
     ground: Option<Vec<f64>>,
 }
 
 impl Heights {
+    /// How many they are.
+    fn count(&self) -> usize {
+        let ground = || self.ground.as_ref().map_or(0, Vec::len);
+        self.quanta.as_ref().map_or_else(ground, Vec::len)
+    }
+
     /// Each of them \[m\].
     fn metres(&self) -> impl Iterator<Item = f64> {
+        let depth = |i: usize| {
+            self.quanta.as_ref().map_or(0.0, |quanta| self.grid.metres(quanta[i].into()))
+        };
         let ground = |i: usize| self.ground.as_ref().map_or(0.0, |ground| ground[i]);
-        self.quanta
-            .iter()
-            .enumerate()
-            .map(move |(i, &quanta)| self.grid.metres(u64::from(quanta)) + ground(i))
+        (0..self.count()).map(move |i| depth(i) + ground(i))
     }
 }
 

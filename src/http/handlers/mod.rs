@@ -17,6 +17,7 @@ pub mod sessions;
 pub mod snapshots;
 pub mod snowfalls;
 pub mod store;
+pub mod terrain;
 pub mod tokens;
 pub mod unlock;
 pub mod usage;

@@ -131,22 +131,24 @@ async fn read(
     query: &RenderQuery,
     region: ColumnRect,
 ) -> Result<(Stamp, Snow), Problem> {
-    let spec = &session.spec;
+    let grid = &session.spec.grid;
     // These are at hand.
     if shows_depths(&query.picture) {
         let mirror = session.mirror();
-        let metres = |(x, z)| spec.grid.metres(u64::from(mirror.height(x, z))) as f32;
+        let metres = |(x, z)| grid.metres(u64::from(mirror.height(x, z))) as f32;
         let places =
             (region.z0..region.z1).flat_map(|z| (region.x0..region.x1).map(move |x| (x, z)));
         let depths = places.map(metres).collect();
-        let snow = Snow::from_depths(spec, region, depths, &mirror.colliders);
+        let ground = (grid, &mirror.ground);
+        let snow = Snow::from_depths(ground, region, depths, &mirror.colliders);
         return Ok((mirror.stamp_at(session.frame()), snow));
     }
     let reference = Reference::Ground;
     let height = session.sampled_height(reference);
     let sampled = session.sample(CellBox { columns: region, reference, y0: 0, height }).await?;
-    let colliders = session.mirror().colliders.clone();
-    Ok((sampled.stamp, Snow::from_cells(spec, region, sampled.cells, &colliders)))
+    let mirror = session.mirror();
+    let ground = (grid, &mirror.ground);
+    Ok((sampled.stamp, Snow::from_cells(ground, region, sampled.cells, &mirror.colliders)))
 }
 
 fn check(cells: u64) -> Result<(), Problem> {

@@ -5,8 +5,7 @@ use axum::Json as Answer;
 use axum::extract::{FromRequest, Request, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use firn_protocol::{CreatedSession, SessionSpec, SessionView, SettingsPatch, StepSpec, Terrain};
-use serde::Serialize;
+use firn_protocol::{CreatedSession, SessionSpec, SessionView, SettingsPatch, StepSpec};
 use utoipa::IntoParams;
 
 use crate::config::Scope;
@@ -64,14 +63,12 @@ pub async fn create(
     request: Request,
 ) -> Result<Response, Problem> {
     let tenant = caller.tenant().map(str::to_owned);
-    let (making, leave) = if media_type(request.headers()) == SNAPSHOT_MEDIA_TYPE {
+    let making = if media_type(request.headers()) == SNAPSHOT_MEDIA_TYPE {
         let bytes = read_body(request, &app).await?;
-        let leave = app.answers.admit(0).await?;
         // A task of its own: where the client goes away, the session is whole or not there.
-        let making = tokio::spawn(async move {
+        tokio::spawn(async move {
             app.sessions.restore(bytes.to_vec().into(), query.id, tenant.as_deref(), once).await
-        });
-        (making, leave)
+        })
     } else {
         let OptionalJson(spec) = OptionalJson::<SessionSpec>::from_request(request, &app).await?;
         if query.id.is_some() {
@@ -80,13 +77,7 @@ pub async fn create(
                 detail: "names a restored session only; a new one is named in the body".to_owned(),
             }]));
         }
-        let bytes = elevations(spec.terrain.as_ref()) as u64 * BYTES_PER_ELEVATION;
-        let leave = app.answers.admit(bytes).await?;
-        let making =
-            tokio::spawn(
-                async move { app.sessions.create_once(spec, tenant.as_deref(), once).await },
-            );
-        (making, leave)
+        tokio::spawn(async move { app.sessions.create_once(spec, tenant.as_deref(), once).await })
     };
     let made = making.await.map_err(|_| SessionError::Internal("the creation failed".into()))?;
     let (session, tokens) = made?;
@@ -97,31 +88,7 @@ pub async fn create(
         viewer_token: tokens.viewer_token,
     };
     let location = [(header::LOCATION, location)];
-    let answer =
-        move || Ok((StatusCode::CREATED, location, [SECRET], Answer(created)).into_response());
-    leave.make(answer).await
-}
-
-/// Memory that an elevation of the ground takes in an answer \[bytes\].
-const BYTES_PER_ELEVATION: u64 = 24;
-
-/// Answers with sessions of so many elevations of the ground together.
-async fn tell(
-    app: &App,
-    elevations: usize,
-    told: impl Serialize + Send + 'static,
-) -> Result<Response, Problem> {
-    let leave = app.answers.admit(elevations as u64 * BYTES_PER_ELEVATION).await?;
-    leave.make(move || Ok(Answer(told).into_response())).await
-}
-
-/// Answers with a session.
-pub(super) async fn tell_of(app: &App, view: SessionView) -> Result<Response, Problem> {
-    tell(app, elevations(view.terrain.as_ref()), view).await
-}
-
-fn elevations(terrain: Option<&Terrain>) -> usize {
-    terrain.map_or(0, |terrain| terrain.heights.len())
+    Ok((StatusCode::CREATED, location, [SECRET], Answer(created)).into_response())
 }
 
 /// How a restored session is to be called.
@@ -138,13 +105,12 @@ impl FromQuery for CreateQuery {
     }
 }
 
-/// Elevations of the ground on one page, but for those of its last session.
-const MOST_ELEVATIONS: usize = 1 << 20;
+/// Memory that a session takes in a list, about \[bytes\].
+const BYTES_PER_SESSION: u64 = 2048;
 
 /// List sessions
 ///
-/// In ascending order of their names: a tenant's own to its keys, all of them to the operator. A page has
-/// fewer than `limit` of them where their terrain would make it too long.
+/// In ascending order of their names: a tenant's own to its keys, all of them to the operator.
 #[utoipa::path(
     get,
     path = "/v1/sessions",
@@ -163,16 +129,10 @@ pub async fn list(
 ) -> Result<Response, Problem> {
     let (after, limit) = (query.cursor.as_deref(), query.limit() + 1);
     let found = app.sessions.list(caller.confined_to(), after, limit);
-    // What they stand on may be large: a page ends where it gets too long.
-    let mut sum = 0;
-    let fits = found.iter().take_while(|session| {
-        let before = sum;
-        sum += elevations(session.spec.terrain.as_ref());
-        before < MOST_ELEVATIONS
-    });
-    let limit = query.limit().min(fits.count());
-    let views = found.iter().take(limit + 1).map(|session| session.view()).collect();
-    tell(&app, sum, Page::new(views, limit, |view: &SessionView| &view.id)).await
+    let views = found.iter().map(|session| session.view()).collect();
+    let page = Page::new(views, query.limit(), |view: &SessionView| &view.id);
+    let leave = app.answers.admit(page.items.len() as u64 * BYTES_PER_SESSION).await?;
+    leave.make(move || Ok(Answer(page).into_response())).await
 }
 
 /// Get a session
@@ -186,8 +146,8 @@ pub async fn list(
     params(SessionPath),
     responses((status = 200, description = "The session", body = SessionView), SessionProblems)
 )]
-pub async fn get(State(app): State<App>, Target(session): Target) -> Result<Response, Problem> {
-    tell_of(&app, session.view()).await
+pub async fn get(Target(session): Target) -> Answer<SessionView> {
+    Answer(session.view())
 }
 
 /// Change a session's settings
@@ -207,12 +167,11 @@ pub async fn get(State(app): State<App>, Target(session): Target) -> Result<Resp
     )
 )]
 pub async fn patch(
-    State(app): State<App>,
     Target(session): Target,
     Json(patch): Json<SettingsPatch>,
-) -> Result<Response, Problem> {
+) -> Result<Answer<SessionView>, Problem> {
     session.change(Change::Settings(patch)).await?;
-    tell_of(&app, session.view()).await
+    Ok(Answer(session.view()))
 }
 
 /// Delete a session
@@ -263,9 +222,9 @@ pub async fn step(
     State(app): State<App>,
     Target(session): Target,
     Json(step): Json<StepSpec>,
-) -> Result<Response, Problem> {
+) -> Result<Answer<SessionView>, Problem> {
     tokio::select! {
-        stepped = session.step(step) => tell_of(&app, stepped?).await,
+        stepped = session.step(step) => Ok(Answer(stepped?)),
         () = app.draining.cancelled() => {
             Err(Problem::unavailable("the server is stopping; the step has ended early"))
         }
@@ -289,6 +248,6 @@ pub async fn step(
         SessionProblems
     )
 )]
-pub async fn reset(State(app): State<App>, Target(session): Target) -> Result<Response, Problem> {
-    tell_of(&app, session.reset().await?).await
+pub async fn reset(Target(session): Target) -> Result<Answer<SessionView>, Problem> {
+    Ok(Answer(session.reset().await?))
 }

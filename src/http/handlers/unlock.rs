@@ -1,15 +1,11 @@
 //! Sessions that came back from a damaged store, and take no changes until they are unlocked.
 
-use axum::extract::State;
-use axum::response::Response;
+use axum::Json as Answer;
 use firn_protocol::SessionView;
 
 use crate::http::docs::{SessionPath, SessionProblems};
-use crate::http::state::App;
 use crate::http::target::Target;
 use crate::problem::Problem;
-
-use super::sessions;
 
 /// Unlock a session
 ///
@@ -27,6 +23,6 @@ use super::sessions;
         SessionProblems
     )
 )]
-pub async fn create(State(app): State<App>, Target(session): Target) -> Result<Response, Problem> {
-    sessions::tell_of(&app, session.unlock().await?).await
+pub async fn create(Target(session): Target) -> Result<Answer<SessionView>, Problem> {
+    Ok(Answer(session.unlock().await?))
 }

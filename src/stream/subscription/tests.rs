@@ -3,6 +3,7 @@ use firn_snow::{Position, Shape};
 use serde_json::{Value, json};
 
 use crate::session::Clock;
+use crate::session::Ground;
 
 use super::*;
 
@@ -13,7 +14,7 @@ fn mirror() -> Mirror {
         ..SessionSpec::default()
     };
     let clock = Clock::new(spec.tick_rate, spec.time_scale);
-    Mirror::new(spec.grid, spec.material, spec.settings(), clock).unwrap()
+    Mirror::new(&spec, Ground::level(), clock).unwrap()
 }
 
 fn collider(id: &str, x: f64) -> ColliderView {
@@ -73,7 +74,7 @@ fn a_large_message_waits_for_memory_and_gives_it_back() {
     let grid = Grid { width: 256, depth: 256, height: 4, cell_size: 0.5 };
     let spec = SessionSpec { grid, ..SessionSpec::default() };
     let clock = Clock::new(spec.tick_rate, spec.time_scale);
-    let mirror = Mirror::new(grid, spec.material, spec.settings(), clock).unwrap();
+    let mirror = Mirror::new(&spec, Ground::level(), clock).unwrap();
     let encoded = EncodedTiles::default();
     let source = Source {
         grid,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self, Unpack, cast
 from urllib.parse import quote
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .stream import Stream
 from .types import (
@@ -30,6 +30,7 @@ from .types import (
     Stamp,
     StampedCollider,
     Step,
+    TerrainQuery,
     Usage,
 )
 
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Heights:
-    """Snow depths, and when they hold."""
+    """Heights, and when they hold."""
 
     heights: NDArray[np.float32]
     """[m], shape (depth, width): `heights[z, x]`."""
@@ -152,8 +153,23 @@ class Session:
     def heights(self, **query: Unpack[HeightsQuery]) -> Heights:
         """Snow depths; of a part by `column_x`, `column_z`, `width`, `depth`, `stride`; `surface` adds the ground."""
         params = {name: str(value).lower() for name, value in query.items()}
+        return self._array("/heights", params)
+
+    def terrain(self, **query: Unpack[TerrainQuery]) -> Heights:
+        """Elevations of the ground [m]; of a part by `column_x`, `column_z`, `width`, `depth`, `stride`."""
+        return self._array("/terrain", {name: str(value) for name, value in query.items()})
+
+    def put_terrain(self, elevations: ArrayLike) -> Stamp:
+        """Lays other ground under the snow: elevations [m] of shape (depth, width)."""
+        file = io.BytesIO()
+        np.save(file, np.ascontiguousarray(elevations, dtype="<f8"), allow_pickle=False)
+        headers = {"content-type": "application/x-npy"}
+        response = self.client.request("PUT", f"{self.path}/terrain", content=file.getvalue(), headers=headers)
+        return cast(Stamp, response.json())
+
+    def _array(self, below: str, params: dict[str, str]) -> Heights:
         headers = {"accept": "application/x-npy"}
-        response = self.client.request("GET", f"{self.path}/heights", params=params, headers=headers)
+        response = self.client.request("GET", f"{self.path}{below}", params=params, headers=headers)
         heights = np.load(io.BytesIO(response.content), allow_pickle=False)
         return Heights(heights, int(response.headers["firn-tick"]), int(response.headers["firn-seq"]))
 
@@ -165,10 +181,11 @@ class Session:
         """A column, layer by layer from the ground up, with its weak layers."""
         return cast(Column, self._call("GET", f"/columns/{column_x}/{column_z}"))
 
-    def cells(self, fields: Iterable[str], **box: int) -> dict[str, NDArray[np.float64]]:
+    def cells(self, fields: Iterable[str], **box: int | str) -> dict[str, NDArray[np.float64]]:
         """Fields of the fixed grid, each of shape (z, y, x), NaN outside the snow.
 
-        A part of it by `column_x`, `column_z`, `cell_y`, `width`, `depth`, `height`.
+        A part of it by `column_x`, `column_z`, `cell_y`, `width`, `depth`, `height`. Layers are counted from the
+        lowest ground, or with `reference="ground"` from each column's own.
         """
         reply = self._call("GET", "/cells", params={**box, "fields": ",".join(fields)})
         shape = (reply["depth"], reply["height"], reply["width"])

@@ -40,6 +40,7 @@ StampedCollider = generated.ColliderReply
 Step = generated.StepSpec
 Summary = generated.Summary
 Terrain = generated.Terrain
+TerrainQuery = generated.GetTerrainQuery
 Usage = generated.UsageView
 WeakLayer = generated.WeakLayerView
 Welcome = generated.WelcomeMessage

@@ -3,13 +3,13 @@
 use std::io::Write;
 
 use axum::http::{HeaderName, HeaderValue};
-use firn_protocol::Terrain;
 use firn_snow::Grid;
 
 use crate::http::handlers::reserved;
 use crate::problem::Problem;
+use crate::session::Ground;
 
-use super::Heights;
+use super::{Heights, Shown};
 
 /// A NumPy header, with what stands before it, is a multiple of this long \[bytes\].
 const NPY_ALIGNMENT: usize = 64;
@@ -19,7 +19,7 @@ pub const LONGEST_NUMBER: usize = 22;
 
 /// 32-bit floats, little-endian.
 pub fn floats(heights: &Heights) -> Result<Vec<u8>, Problem> {
-    let mut file = reserved(4 * heights.quanta.len())?;
+    let mut file = reserved(4 * heights.count())?;
     write_floats(heights, &mut file);
     Ok(file)
 }
@@ -31,7 +31,7 @@ fn write_floats(heights: &Heights, file: &mut Vec<u8>) {
 /// A NumPy array file of version 1.0.
 pub fn npy(heights: &Heights, width: u32, depth: u32) -> Result<Vec<u8>, Problem> {
     let header = npy_header(width, depth);
-    let mut file = reserved(header.len() + 4 * heights.quanta.len())?;
+    let mut file = reserved(header.len() + 4 * heights.count())?;
     file.extend(header);
     write_floats(heights, &mut file);
     Ok(file)
@@ -61,14 +61,18 @@ pub struct Grey {
 }
 
 impl Grey {
-    /// Covers all that a session's columns can hold, on its ground where there is one, so that
-    /// images taken at different times compare.
-    pub fn new(grid: &Grid, terrain: Option<&Terrain>) -> Grey {
-        let ground = terrain.map_or(&[0.0][..], |terrain| &terrain.heights);
-        let lowest = ground.iter().copied().fold(f64::INFINITY, f64::min);
-        let highest = ground.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    /// Covers all that may be shown of a session's columns on its ground, so that images taken at different
+    /// times compare.
+    pub fn new(grid: &Grid, ground: &Ground, shown: Shown) -> Grey {
         let deepest = f64::from(grid.height) * grid.cell_size;
-        Grey { scale: (highest - lowest + deepest) / f64::from(u16::MAX), offset: lowest }
+        let (lowest, highest) = match shown {
+            Shown::Depth => (0.0, deepest),
+            Shown::Surface => (ground.lowest(), ground.highest() + deepest),
+            Shown::Ground => (ground.lowest(), ground.highest()),
+        };
+        // Level ground has no step; any will do.
+        let range = if highest > lowest { highest - lowest } else { 1.0 };
+        Grey { scale: range / f64::from(u16::MAX), offset: lowest }
     }
 
     /// The headers that say so.
@@ -130,10 +134,12 @@ mod tests {
     #[test]
     fn greys_cover_every_height_and_no_more() {
         let grid = Grid { width: 2, depth: 2, height: 10, cell_size: 0.5 };
-        let grey = Grey::new(&grid, None);
+        let grey = Grey::new(&grid, &Ground::level(), Shown::Depth);
         assert_eq!((grey.of(0.0), grey.of(5.0), grey.of(6.0)), (0, 65535, 65535));
-        let terrain = Terrain { heights: [-3.0, 0.0, 2.0, 1.0].into() };
-        let grey = Grey::new(&grid, Some(&terrain));
+        let ground = Ground::new([-3.0, 0.0, 2.0, 1.0].into());
+        let grey = Grey::new(&grid, &ground, Shown::Surface);
         assert_eq!((grey.of(-3.0), grey.of(7.0), grey.of(2.0)), (0, 65535, 32768));
+        let grey = Grey::new(&grid, &ground, Shown::Ground);
+        assert_eq!((grey.of(-3.0), grey.of(2.0)), (0, 65535));
     }
 }

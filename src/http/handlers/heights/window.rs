@@ -3,9 +3,9 @@
 use firn_snow::{Grid, TILE_SIDE};
 
 use crate::problem::{FieldError, Problem};
-use crate::session::Mirror;
+use crate::session::{Ground, Mirror};
 
-use super::{HeightsQuery, Origin};
+use super::{Origin, WindowQuery};
 
 /// Most samples of one answer.
 const MOST_SAMPLES: u64 = 1 << 24;
@@ -28,7 +28,7 @@ impl Window {
     ///
     /// # Errors
     /// 422 where it reaches beyond the grid, 413 where it has too many samples.
-    pub fn new(query: &HeightsQuery, grid: &Grid) -> Result<Window, Problem> {
+    pub fn new(query: &WindowQuery, grid: &Grid) -> Result<Window, Problem> {
         let stride = query.stride.unwrap_or(1);
         let mut errors = Vec::new();
         let mut span = |first: (&str, Option<u32>), count: (&str, Option<u32>), columns: u32| {
@@ -112,16 +112,11 @@ impl Window {
     /// Elevations of the ground under the samples, as they were given \[m\].
     pub fn ground<'a>(
         &self,
-        terrain: &'a [f64],
+        ground: &'a Ground,
         grid: &Grid,
     ) -> impl Iterator<Item = f64> + use<'a> {
-        let (first, stride, width) = (self.origin.column_x, self.stride, self.width);
-        let columns = u64::from(grid.width);
-        self.rows().flat_map(move |z| {
-            (0..width).map(move |i| {
-                let index = u64::from(z) * columns + u64::from(first + i * stride);
-                terrain[index as usize]
-            })
-        })
+        let (first, stride, width, grid) = (self.origin.column_x, self.stride, self.width, *grid);
+        self.rows()
+            .flat_map(move |z| (0..width).map(move |i| ground.height(&grid, first + i * stride, z)))
     }
 }
