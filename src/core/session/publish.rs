@@ -12,8 +12,8 @@ use firn_snow::{CELL, Contact, Grid, TILE_COLUMNS};
 
 use crate::core::record::{Done, Taken};
 use crate::core::session::{
-    Applied, Collider, Counted, Gathered, Mirror, Orders, Outlet, Receipted, Reply, Sampled,
-    SessionState, Simulation, Told,
+    Applied, Collider, Counted, Gathered, Happening, Mirror, Orders, Outlet, Receipted, Reply,
+    Sampled, SessionState, Simulation, Told,
 };
 use crate::core::snapshot::Snapshot;
 
@@ -56,13 +56,12 @@ impl Simulation {
             let stamp = self.publish(&orders, &outcome, tiles);
             let settled = settles.then_some(Event::Settled { stamp });
             let reset = orders.reset.then_some(Event::Reset { stamp });
-            self.answer(orders, outcome, stamp, stored);
-            for event in reset.into_iter().chain(settled) {
-                self.tell(event);
-            }
+            let mut told = self.answer(orders, outcome, stamp, stored);
+            told.extend(reset.into_iter().chain(settled).map(Happening::from));
+            self.tell(told);
         } else if settles {
             let stamp = Stamp { tick: self.state.clock.tick(), seq: self.session.mirror().seq };
-            self.tell(Event::Settled { stamp });
+            self.tell(vec![Event::Settled { stamp }.into()]);
         }
         self.deposit_falling();
     }
@@ -156,8 +155,15 @@ impl Simulation {
         }
     }
 
-    /// Answers everybody who waited for this frame.
-    fn answer(&mut self, orders: Orders, outcome: WorkOutcome, stamp: Stamp, stored: Duration) {
+    /// Answers everybody who waited for this frame. Returns what streams are told of it.
+    fn answer(
+        &mut self,
+        orders: Orders,
+        outcome: WorkOutcome,
+        stamp: Stamp,
+        stored: Duration,
+    ) -> Vec<Happening> {
+        let mut happened = Vec::new();
         for reply in orders.replies {
             // A failed send means that nobody waits any more, which is theirs to decide.
             match reply {
@@ -166,10 +172,9 @@ impl Simulation {
                     answer.give(Ok(Receipted { answer: (), position }));
                 }
                 Reply::Change { told, edit, once, answer } => {
-                    let set = matches!(told, Told::AirTemperature | Told::Settings);
                     let found = outcome.edits.get(edit).copied().unwrap_or_default();
-                    let applied = self.applied(told, found, stamp);
-                    self.tell_of(&applied, set, stamp);
+                    let applied = self.applied(&told, found, stamp);
+                    happened.extend(self.happening(&told, &applied, stamp));
                     if let Some(once) = once {
                         self.log.answered(Done::applied(&once, &applied, stored));
                     }
@@ -199,32 +204,38 @@ impl Simulation {
         for answer in orders.snapshots {
             answer.give(Ok(self.snapshot(stamp, all.clone())));
         }
+        happened
     }
 
-    /// Tells streams of a change, where it is one of the weather or, as `set`, of the settings.
-    fn tell_of(&self, applied: &Applied, set: bool, stamp: Stamp) {
-        match *applied {
-            Applied::Snowfall(SnowfallReply { fallen_mass, refused_mass, .. }) => {
-                self.tell(Event::Snowfall { stamp, fallen_mass, refused_mass });
+    /// What streams are told of a change, where it is one of the weather or of the settings.
+    fn happening(&self, told: &Told, applied: &Applied, stamp: Stamp) -> Option<Happening> {
+        match (told, applied) {
+            (Told::Snowfall { columns, .. }, Applied::Snowfall(reply)) => {
+                let SnowfallReply { fallen_mass, refused_mass, .. } = *reply;
+                let event = Event::Snowfall { stamp, fallen_mass, refused_mass };
+                Some(Happening { event, columns: Some(*columns) })
             }
-            Applied::Clearing(ClearingReply { cleared_mass, .. }) => {
-                self.tell(Event::Clearing { stamp, cleared_mass });
+            (Told::Clearing { columns }, Applied::Clearing(reply)) => {
+                let event = Event::Clearing { stamp, cleared_mass: reply.cleared_mass };
+                Some(Happening { event, columns: Some(*columns) })
             }
-            _ if set => self.tell(Event::Settings { stamp, settings: self.state.settings }),
-            _ => {}
+            (Told::AirTemperature | Told::Settings, _) => {
+                Some(Event::Settings { stamp, settings: self.state.settings }.into())
+            }
+            _ => None,
         }
     }
 
     /// What is answered to a change, of whose last edit the device `found` something.
-    fn applied(&self, told: Told, found: u64, stamp: Stamp) -> Applied {
+    fn applied(&self, told: &Told, found: u64, stamp: Stamp) -> Applied {
         let grid = &self.session.spec.grid;
         match told {
-            Told::Snowfall { fallen, refused } => Applied::Snowfall(SnowfallReply {
+            Told::Snowfall { fallen, refused, .. } => Applied::Snowfall(SnowfallReply {
                 stamp,
-                fallen_mass: grid.kilograms(fallen),
+                fallen_mass: grid.kilograms(*fallen),
                 refused_mass: grid.kilograms(refused + u128::from(found)),
             }),
-            Told::Clearing => Applied::Clearing(ClearingReply {
+            Told::Clearing { .. } => Applied::Clearing(ClearingReply {
                 stamp,
                 cleared_mass: grid.kilograms(found.into()),
             }),
@@ -234,11 +245,14 @@ impl Simulation {
             }),
             Told::Collider { id, created } => {
                 let mirror = self.session.mirror();
-                let place = mirror.colliders.binary_search_by(|view| (*view.id).cmp(&id));
+                let place = mirror.colliders.binary_search_by(|view| (*view.id).cmp(id));
                 match place {
                     Ok(i) => {
                         let collider = mirror.colliders[i].clone();
-                        Applied::Collider { reply: ColliderReply { stamp, collider }, created }
+                        Applied::Collider {
+                            reply: ColliderReply { stamp, collider },
+                            created: *created,
+                        }
                     }
                     // Removed again before the frame: there is nothing left to describe.
                     Err(_) => Applied::Stamp(stamp),
@@ -248,9 +262,12 @@ impl Simulation {
         }
     }
 
-    fn tell(&self, event: Event) {
-        // Fails where nobody listens.
-        let _ = self.session.events.send(event);
+    /// Tells streams what has happened in the frame.
+    fn tell(&self, happened: Vec<Happening>) {
+        if !happened.is_empty() {
+            // Fails where nobody listens.
+            let _ = self.session.events.send(happened.into());
+        }
     }
 }
 
