@@ -44,9 +44,6 @@ impl<'a> Interest<'a> {
 
     /// When something is to be sent.
     pub fn due(&self) -> Option<Instant> {
-        if self.subscriptions.is_empty() && !self.waiting.is_empty() {
-            return Some(Instant::now());
-        }
         self.subscriptions.iter().filter_map(Subscription::due).min()
     }
 
@@ -101,7 +98,7 @@ impl<'a> Interest<'a> {
         }
     }
 
-    /// Events of a client that has no subscription.
+    /// Takes the events that are due without a turn: those of a client that has no subscription.
     pub fn unasked(&mut self) -> Vec<Event> {
         let all = self.subscriptions.is_empty();
         self.waiting.take(|_| all)

@@ -12,6 +12,7 @@ use std::time::Duration;
 use axum::extract::ws::Message;
 use firn_protocol::Event;
 use firn_protocol::stream::{Cause, SubProtocol};
+use futures_util::future::FutureExt;
 use futures_util::sink::{Sink, SinkExt};
 use tokio::sync::{broadcast, mpsc};
 use tokio::time::{Instant, MissedTickBehavior, interval_at, sleep_until, timeout};
@@ -83,6 +84,10 @@ where
         return cause;
     }
     loop {
+        let unasked = speaker.interest.unasked();
+        if let Err(cause) = speaker.tell(&unasked).await {
+            return cause;
+        }
         let due = speaker.interest.due();
         let said = tokio::select! {
             next = answers.recv() => match next {
@@ -177,10 +182,11 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
         }
     }
 
-    /// Sends what is due.
+    /// Sends what is due, with events that are there already.
     async fn update(&mut self) -> Result<(), Cause> {
-        let events = self.interest.unasked();
-        self.tell(&events).await?;
+        while let Some(happened) = self.events.recv().now_or_never() {
+            self.interest.hear(happened)?;
+        }
         for place in 0..self.interest.subscriptions.len() {
             let now = Instant::now();
             let subscription = &mut self.interest.subscriptions[place];

@@ -53,12 +53,16 @@ impl Simulation {
         let settles = self.is_settled() && !was_settled;
         if self.flight.publish {
             let orders = std::mem::take(&mut self.flight.orders);
-            let stamp = self.publish(&orders, &outcome, tiles);
+            let (stamp, changed) = self.publish(&orders, &outcome, tiles);
             let settled = settles.then_some(Event::Settled { stamp });
             let reset = orders.reset.then_some(Event::Reset { stamp });
             let mut told = self.answer(orders, outcome, stamp, stored);
             told.extend(reset.into_iter().chain(settled).map(Happening::from));
             self.tell(told);
+            // Streams hear of events before heights, so that they tell both in one turn.
+            if changed {
+                self.announce(stamp);
+            }
         } else if settles {
             let stamp = Stamp { tick: self.state.clock.tick(), seq: self.session.mirror().seq };
             self.tell(vec![Event::Settled { stamp }.into()]);
@@ -77,13 +81,13 @@ impl Simulation {
         }
     }
 
-    /// Brings the mirror up to date.
+    /// Brings the mirror up to date. Returns when, and whether anything has changed.
     fn publish<'a>(
         &mut self,
         orders: &Orders,
         outcome: &WorkOutcome,
         tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
-    ) -> Stamp {
+    ) -> (Stamp, bool) {
         let mut tiles = tiles.peekable();
         let session = self.session.clone();
         self.take_contacts(&outcome.contacts);
@@ -109,13 +113,14 @@ impl Simulation {
         mirror.seq = seq;
         drop(mirror);
         self.unpublished = false;
-        let stamp = Stamp { tick: self.state.clock.tick(), seq };
-        if changed {
-            session.published.send_modify(|publication| {
-                *publication = Publication { number: publication.number + 1, tick: stamp.tick };
-            });
-        }
-        stamp
+        (Stamp { tick: self.state.clock.tick(), seq }, changed)
+    }
+
+    /// Wakes who waits for a publication.
+    fn announce(&self, stamp: Stamp) {
+        self.session.published.send_modify(|publication| {
+            *publication = Publication { number: publication.number + 1, tick: stamp.tick };
+        });
     }
 
     /// Makes the mirror what it was when what is restored was saved.

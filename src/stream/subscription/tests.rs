@@ -383,8 +383,8 @@ fn watch(id: &str, region: Option<ColumnRegion>) -> DepthWatch {
 
 #[test]
 fn a_watch_tells_how_it_stands_and_each_crossing() {
-    // A change raises all columns of a tile by one quantum, 1/512 m.
-    let quantum = 0.5 / 256.0;
+    // A change raises all columns of a tile by one quantum.
+    let quantum = 0.5 / f64::from(firn_snow::CELL);
     let mut mirror = mirror();
     let above = DepthWatch { above: Some(1.5 * quantum), ..watch("part", region(6, 0, 4, 1)) };
     let below = DepthWatch { below: Some(quantum), ..watch("tile", region(8, 0, 8, 8)) };
