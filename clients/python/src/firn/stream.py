@@ -17,7 +17,7 @@ from websockets.typing import Subprotocol
 
 from .codec import DecodeError, decode
 from .problem import ProblemError
-from .subscription import Subscription
+from .subscription import Subscription, as_json
 from .types import Ack, ColumnRegion, DepthWatch, Event, EventKind, Welcome
 
 # Waiting time before a connection is tried again [s]: doubles from the first to the last.
@@ -94,12 +94,14 @@ class Stream:
     ) -> Subscription:
         """Watches a region, all columns where there is none. Returns once its heights are known.
 
-        `max_rate`: most messages per second [Hz]; `quantum`: step that heights are rounded to [m]. `events`: which are told to the
-        stream's `on_event`, all of the region by default; `watch`: mean depths whose crossing is told there, at most 16.
+        `max_rate`: most messages per second [Hz]; `quantum`: step that heights are rounded to [m]. `events`: which the
+        stream's `on_event` is called with, all of the region by default; `watch`: mean depths whose crossing it is
+        called with, at most 16.
         """
+        if events is None:
+            events = self._on_event is not None
         wish: dict[str, Any] = {"region": region, "stride": stride, "max_rate": max_rate, "quantum": quantum}
-        wanted = self._on_event is not None if events is None else events
-        wish |= {"colliders": colliders, "events": wanted if isinstance(wanted, bool) else list(wanted), "watch": list(watch)}
+        wish |= {"colliders": colliders, "events": as_json(events), "watch": list(watch)}
         subscription = Subscription(next(self._ids), wish, self._tell)
         if self._ended is not None:
             raise self._ended

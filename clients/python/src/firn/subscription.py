@@ -78,7 +78,7 @@ class Subscription:
         """Wants other events, or other watches; how these stand is told at once. What is None stays."""
         changes: dict[str, Any] = {}
         if events is not None:
-            changes["events"] = events if isinstance(events, bool) else list(events)
+            changes["events"] = as_json(events)
         if watch is not None:
             changes["watch"] = list(watch)
         self._wish |= changes
@@ -181,6 +181,11 @@ class Subscription:
     def _end(self, why: Exception) -> None:
         self._ended = self._ended or why
         self._turn.set()
+
+
+def as_json(events: bool | Sequence[EventKind]) -> bool | list[EventKind]:
+    """Which events are wanted, as they are sent."""
+    return events if isinstance(events, bool) else list(events)
 
 
 def _widened(first: int, count: int, columns: int) -> tuple[int, int]:
