@@ -24,6 +24,41 @@ namespace Firn
         public StreamEndedException(string message) : base(message) { }
     }
 
+    /// <summary>A mean depth of the snow on some columns, all where there is no width: it holds while that is above, or below, a depth [m].</summary>
+    public sealed class DepthWatch
+    {
+        /// <summary>Its name, [A-Za-z0-9_-]{1,64}.</summary>
+        public string Id;
+        public int ColumnX, ColumnZ, Width, Depth;
+        /// <summary>Exactly one of the two.</summary>
+        public double? Above, Below;
+
+        internal string ToJson()
+        {
+            var region = Width == 0 ? "" : string.Format(CultureInfo.InvariantCulture,
+                ",\"region\":{{\"column_x\":{0},\"column_z\":{1},\"width\":{2},\"depth\":{3}}}", ColumnX, ColumnZ, Width, Depth);
+            return "{\"id\":\"" + Id + "\"" + region + Limit("above", Above) + Limit("below", Below) + "}";
+        }
+
+        static string Limit(string name, double? depth)
+        {
+            return depth == null ? "" : ",\"" + name + "\":" + depth.Value.ToString("R", CultureInfo.InvariantCulture);
+        }
+    }
+
+    /// <summary>How a watch stands.</summary>
+    public struct WatchEvent
+    {
+        /// <summary>The watch.</summary>
+        public string Id;
+        /// <summary>Whether it holds by now.</summary>
+        public bool Holds;
+        /// <summary>Mean depth of the snow [m].</summary>
+        public double MeanDepth;
+        /// <summary>When.</summary>
+        public ulong Tick, Seq;
+    }
+
     /// <summary>Snow depths of all columns of a session, kept in sync by a stream.</summary>
     public sealed class Heightfield
     {
@@ -48,6 +83,8 @@ namespace Firn
         // Of this connection, and of the state that is held.
         string epoch = "", heldEpoch = "";
         readonly List<HeightMessage> parts = new List<HeightMessage>();
+        // How watches stand of which nobody has asked yet: of each the newest.
+        readonly List<WatchEvent> standings = new List<WatchEvent>();
 
         /// <param name="server">As in http://127.0.0.1:8080.</param>
         /// <param name="token">An API key or one of the session's tokens, where the server asks for one.</param>
@@ -62,6 +99,9 @@ namespace Firn
             this.maxRate = maxRate;
             this.quantum = quantum;
         }
+
+        /// <summary>Depths whose crossing is told, at most 16; to be filled before RunAsync.</summary>
+        public List<DepthWatch> Watches { get; } = new List<DepthWatch>();
 
         /// <summary>Columns along x and along z, as of the last Poll.</summary>
         public int Width { get; private set; }
@@ -95,6 +135,18 @@ namespace Firn
                 Tick = tick;
                 Seq = seq;
                 Recovered = recovered;
+                return true;
+            }
+        }
+
+        /// <summary>How a watch stands that has not been told of yet: at first, after each reconnection, and with each crossing.</summary>
+        public bool PollWatch(out WatchEvent told)
+        {
+            lock (gate)
+            {
+                told = standings.Count > 0 ? standings[0] : default(WatchEvent);
+                if (standings.Count == 0) return false;
+                standings.RemoveAt(0);
                 return true;
             }
         }
@@ -196,11 +248,28 @@ namespace Firn
                     string subscribe;
                     lock (gate) subscribe = Begin(text);
                     return SendAsync(socket, subscribe, cancellation);
+                case "event":
+                    if (Field(text, "event", "\"([^\"]*)\"") == "watch") lock (gate) TakeWatch(text);
+                    return Task.CompletedTask;
                 case "error":
                     throw new StreamEndedException(text);
                 default:
                     return Task.CompletedTask;
             }
+        }
+
+        void TakeWatch(string text)
+        {
+            var told = new WatchEvent
+            {
+                Id = Field(text, "id", "\"([^\"]*)\""),
+                Holds = Field(text, "holds", "(true|false)") == "true",
+                MeanDepth = double.Parse(Field(text, "mean_depth", "([-+0-9.eE]+)"), CultureInfo.InvariantCulture),
+                Tick = ulong.Parse(Field(text, "tick", "([0-9]+)"), CultureInfo.InvariantCulture),
+                Seq = ulong.Parse(Field(text, "seq", "([0-9]+)"), CultureInfo.InvariantCulture),
+            };
+            standings.RemoveAll(before => before.Id == told.Id);
+            standings.Add(told);
         }
 
         /// <summary>What to send once the stream is open. Who holds everything asks for what it missed only.</summary>
@@ -220,9 +289,10 @@ namespace Firn
             cellSize = float.Parse(Field(grid, "cell_size", "([-+0-9.eE]+)"), CultureInfo.InvariantCulture);
             var resume = whole ? ",\"resume\":{\"epoch\":\"" + heldEpoch + "\",\"seq\":" + seq + "}" : "";
             epoch = Field(welcome, "epoch", "\"([^\"]*)\"");
+            var watches = string.Join(",", Watches.ConvertAll(watch => watch.ToJson()));
             return string.Format(CultureInfo.InvariantCulture,
-                "{{\"op\":\"subscribe\",\"id\":{0},\"max_rate\":{1:R},\"quantum\":{2:R}{3}}}",
-                SubscriptionId, maxRate, quantum, resume);
+                "{{\"op\":\"subscribe\",\"id\":{0},\"max_rate\":{1:R},\"quantum\":{2:R},\"watch\":[{3}]{4}}}",
+                SubscriptionId, maxRate, quantum, watches, resume);
         }
 
         static string Field(string json, string name, string value)

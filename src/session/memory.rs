@@ -3,11 +3,12 @@
 use std::any::Any;
 use std::fmt;
 use std::mem::size_of;
+use std::sync::Arc;
 
-use firn_protocol::{ColliderView, Event, MemoryBytes, UsageView};
+use firn_protocol::{ColliderView, MemoryBytes, UsageView};
 
 use crate::core::record::heap_bytes;
-use crate::core::session::{Collider, EVENT_BACKLOG, Ground, Simulation};
+use crate::core::session::{Collider, EVENT_BACKLOG, Ground, Happening, Simulation};
 use crate::session::handle::Session;
 
 /// What an object takes beside its descriptions: its name, places in maps, and its load.
@@ -15,7 +16,7 @@ const OBJECT: usize = 208;
 
 /// Events that wait for streams: there is room for as many from the beginning, each with what tells
 /// who has seen it.
-const EVENTS: usize = EVENT_BACKLOG * (size_of::<Event>() + 48);
+const EVENTS: usize = EVENT_BACKLOG * (size_of::<Arc<[Happening]>>() + 48);
 
 /// What the engine knows of a tile: where its cells are, and its places in lists of tiles.
 const TILE: usize = 24;

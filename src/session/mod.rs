@@ -14,14 +14,15 @@ mod totals;
 mod visit;
 
 pub use crate::core::record::Once;
+pub use crate::core::session::Happening;
 pub use crate::core::session::Limits;
 pub use crate::core::session::Publication;
 pub use crate::core::session::Simulation;
 pub use crate::core::session::{Applied, Change};
 pub use crate::core::session::{CellBox, Gathered, Ground, MOST_SAMPLES, Sampled};
+pub use crate::core::session::{Check, Invalid, SessionError};
 pub use crate::core::session::{Clock, FRAME_RATE};
 pub use crate::core::session::{Grant, TokenHashes};
-pub use crate::core::session::{Invalid, SessionError};
 pub use crate::core::session::{Mirror, TileColumns};
 pub use crate::core::snapshot::{MEDIA_TYPE as SNAPSHOT_MEDIA_TYPE, Snapshot};
 pub use crate::core::tenant::{Quotas, Tenant};

@@ -71,11 +71,7 @@ impl Answer<'_> {
 }
 
 /// The message that greets a new client.
-pub fn welcome(session: &Session) -> String {
-    let (stamp, settings) = {
-        let mirror = session.mirror();
-        (mirror.stamp_at(session.frame()), mirror.settings)
-    };
+pub fn welcome(session: &Session, stamp: Stamp, settings: Settings) -> String {
     Answer::Welcome {
         session: &session.id,
         epoch: &session.epoch,

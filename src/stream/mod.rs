@@ -4,6 +4,7 @@
 mod answer;
 mod cache;
 mod cause;
+mod interest;
 mod memory;
 mod quantum;
 mod receive;
@@ -13,6 +14,8 @@ mod send;
 mod socket;
 mod subscription;
 mod tiles;
+mod waiting;
+mod watch;
 
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
 //! What clients send: JSON text, read into requests. No I/O.
 
 use firn_protocol::{
-    AirTemperature, Clearing, ColliderBatch, ColliderSpec, SettingsPatch, Snowfall, Subscribe,
-    Update,
+    AirTemperature, Clearing, ColliderBatch, ColliderSpec, DepthWatch, MOST_WATCHES, SettingsPatch,
+    Snowfall, Subscribe, Update,
 };
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -37,7 +37,7 @@ pub enum Request {
 pub enum Control {
     /// Begins a subscription, or replaces the one of the same id.
     Subscribe(i64, Subscribe),
-    /// Moves a subscription.
+    /// Changes a subscription.
     Update(i64, Update),
     /// Ends a subscription.
     Unsubscribe(i64),
@@ -117,8 +117,16 @@ fn read(op: &str, id: Option<i64>, fields: Map<String, Value>) -> Result<Request
     };
     let change = |change, at| Ok(Request::Change { id: numbered()?, change, at });
     let control = match op {
-        "subscribe" => Control::Subscribe(numbered()?, body(fields)?),
-        "update" => Control::Update(numbered()?, body(fields)?),
+        "subscribe" => {
+            let wish: Subscribe = body(fields)?;
+            few_enough(&wish.watch)?;
+            Control::Subscribe(numbered()?, wish)
+        }
+        "update" => {
+            let update: Update = body(fields)?;
+            few_enough(update.watch.as_deref().unwrap_or_default())?;
+            Control::Update(numbered()?, update)
+        }
         "unsubscribe" => {
             let Nothing {} = body(fields)?;
             Control::Unsubscribe(numbered()?)
@@ -144,6 +152,15 @@ fn read(op: &str, id: Option<i64>, fields: Map<String, Value>) -> Result<Request
         }
     };
     Ok(Request::Control(control))
+}
+
+/// Requests wait until the client has taken what it was sent before: with all that they name.
+fn few_enough(watches: &[DepthWatch]) -> Result<(), Problem> {
+    if watches.len() <= MOST_WATCHES {
+        return Ok(());
+    }
+    let detail = format!("{} watches are more than {MOST_WATCHES}", watches.len());
+    Err(Problem::invalid_field("/watch", detail))
 }
 
 /// Reads what is left of a message beside `op` and `id`.

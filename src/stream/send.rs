@@ -1,40 +1,40 @@
 //! The half of a stream that speaks: answers, events, heights, and pings.
 //!
 //! Heights wait nowhere: a subscription knows what its client has seen, and copies the newest state
-//! when the client can take it. So a slow client costs no memory and delays nobody.
+//! when the client can take it. Of events, one of each kind waits. So a slow client costs next to no
+//! memory and delays nobody.
 
+use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use axum::extract::ws::Message;
+use firn_protocol::Event;
 use firn_protocol::stream::{Cause, SubProtocol};
-use firn_protocol::{Event, Stamp, Subscribe, Update};
+use futures_util::future::FutureExt;
 use futures_util::sink::{Sink, SinkExt};
-use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{broadcast, mpsc};
 use tokio::time::{Instant, MissedTickBehavior, interval_at, sleep_until, timeout};
 
 use crate::budget::Budget;
 use crate::metrics::Carried;
-use crate::session::{Applied, Invalid, Publication, Session, SessionError};
+use crate::session::{Applied, Happening, Publication, Session};
 
 use super::answer::{self, Answer};
 use super::cache::EncodedTiles;
 use super::cause::cause_of;
+use super::interest::Interest;
 use super::memory::OpenStream;
 use super::receive::Next;
 use super::request::Control;
-use super::subscription::{Cost, Source, Subscription};
+use super::subscription::Cost;
 
 /// Time between pings.
 const PING_EVERY: Duration = Duration::from_secs(15);
 
 /// Time until heights are tried again that found no memory.
 const NO_ROOM: Duration = Duration::from_millis(100);
-
-/// Subscriptions of one client.
-const MOST_SUBSCRIPTIONS: usize = 64;
 
 /// How a client is spoken to.
 #[derive(Debug)]
@@ -61,32 +61,41 @@ pub async fn send<W>(
 where
     W: Sink<Message, Error = axum::Error> + Unpin,
 {
-    let mut events = session.events();
+    // What happens after the client was greeted is not missed.
+    let events = session.events();
     let mut publications = session.publications();
     let mut pings = interval_at(Instant::now() + PING_EVERY, PING_EVERY);
     pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let encoded: Arc<EncodedTiles> = session.companion();
+    let (stamp, settings) = {
+        let mirror = session.mirror();
+        (mirror.stamp_at(session.frame()), mirror.settings)
+    };
     let mut speaker = Speaker {
         sink,
         session,
-        manner,
         memory: encoded.open(),
-        encoded,
-        subscriptions: Vec::new(),
+        events,
+        interest: Interest::new(session, manner.protocol, encoded, settings),
+        manner,
         marked: publications.borrow_and_update().number,
     };
-    if let Err(cause) = speaker.say(answer::welcome(session)).await {
+    if let Err(cause) = speaker.say(answer::welcome(session, stamp, settings)).await {
         return cause;
     }
     loop {
-        let due = speaker.subscriptions.iter().filter_map(Subscription::due).min();
+        let unasked = speaker.interest.unasked();
+        if let Err(cause) = speaker.tell(&unasked).await {
+            return cause;
+        }
+        let due = speaker.interest.due();
         let said = tokio::select! {
             next = answers.recv() => match next {
                 Some(Next::Text(text)) => speaker.say(text).await,
                 Some(Next::Control(control)) => speaker.control(control).await,
                 None => Err(Cause::Broken),
             },
-            event = events.recv() => speaker.tell(event).await,
+            happened = speaker.events.recv() => speaker.interest.hear(happened),
             _ = pings.tick() => speaker.write(Message::Ping(Vec::new().into())).await,
             changed = publications.changed() => {
                 speaker.mark(*publications.borrow_and_update());
@@ -106,18 +115,26 @@ struct Speaker<'a, W> {
     sink: &'a mut W,
     session: &'a Session,
     manner: Manner<'a>,
-    encoded: Arc<EncodedTiles>,
     memory: OpenStream,
-    subscriptions: Vec<Subscription>,
+    events: broadcast::Receiver<Arc<[Happening]>>,
+    interest: Interest<'a>,
     /// Number of the newest publication that was noted.
     marked: u64,
 }
 
 impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
+    /// Writes a message. What happens meanwhile is noted, so that a slow client misses no event.
     async fn write(&mut self, message: Message) -> Result<(), Cause> {
         self.memory.writes(payload(&message));
         self.manner.writing.store(true, Ordering::Relaxed);
-        let written = timeout(self.manner.patience, self.sink.send(message)).await;
+        let mut writing = pin!(timeout(self.manner.patience, self.sink.send(message)));
+        let written = loop {
+            tokio::select! {
+                biased;
+                written = &mut writing => break written,
+                happened = self.events.recv() => self.interest.hear(happened)?,
+            }
+        };
         self.manner.writing.store(false, Ordering::Relaxed);
         self.memory.writes(0);
         match written {
@@ -130,102 +147,67 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
         self.write(Message::Text(text.into())).await
     }
 
-    async fn tell(&mut self, event: Result<Event, RecvError>) -> Result<(), Cause> {
-        match event {
-            Ok(event) => self.say(Answer::Event(&event).encode()).await,
-            // The client was too slow for some events. They are told live only.
-            Err(broadcast::error::RecvError::Lagged(_)) => Ok(()),
-            Err(broadcast::error::RecvError::Closed) => Err(Cause::Deleted),
+    async fn tell(&mut self, events: &[Event]) -> Result<(), Cause> {
+        for event in events {
+            self.say(Answer::Event(event).encode()).await?;
         }
+        Ok(())
     }
 
     /// Carries out a request about the stream itself.
     async fn control(&mut self, control: Control) -> Result<(), Cause> {
         let (id, done) = match control {
             Control::Ping(id) => return self.say(Answer::Pong { id }.encode()).await,
-            Control::Subscribe(id, wish) => match self.subscribe(id, &wish) {
+            Control::Subscribe(id, wish) => match self.interest.subscribe(id, &wish) {
                 // The snapshot is the answer.
                 Ok(()) => return Ok(()),
                 Err(error) => (id, Err(error)),
             },
-            Control::Update(id, update) => (id, self.move_view(id, update)),
-            Control::Unsubscribe(id) => (id, self.unsubscribe(id)),
+            Control::Update(id, update) => (id, self.interest.update(id, update)),
+            Control::Unsubscribe(id) => (id, self.interest.unsubscribe(id)),
         };
-        let done = done.map(|()| Applied::Stamp(self.stamp()));
-        self.say(answer::outcome(id, "", done)).await
+        let stamp = self.session.mirror().stamp_at(self.session.frame());
+        self.say(answer::outcome(id, "", done.map(|()| Applied::Stamp(stamp)))).await
     }
 
     /// Notes a publication. Those since the one before came and went while the client, or the
     /// server, was busy.
     fn mark(&mut self, newest: Publication) {
-        if !self.subscriptions.is_empty() {
+        if !self.interest.subscriptions.is_empty() {
             self.manner.carried.conflated(newest.number.saturating_sub(self.marked + 1));
         }
         self.marked = newest.number;
-        for subscription in &mut self.subscriptions {
+        for subscription in &mut self.interest.subscriptions {
             subscription.mark(newest.tick);
         }
     }
 
-    fn stamp(&self) -> Stamp {
-        self.session.mirror().stamp_at(self.session.frame())
-    }
-
-    fn subscribe(&mut self, id: i64, wish: &Subscribe) -> Result<(), SessionError> {
-        let known = self.subscriptions.iter().position(|subscription| subscription.id() == id);
-        if known.is_none() && self.subscriptions.len() >= MOST_SUBSCRIPTIONS {
-            let detail = format!(
-                "the stream has {MOST_SUBSCRIPTIONS} subscriptions already, the most it may"
-            );
-            return Err(SessionError::Invalid(vec![Invalid::new("/id", detail)]));
-        }
-        let source = Source {
-            grid: self.session.spec.grid,
-            recovers: &|resume| self.session.recovers(&resume.epoch, resume.seq),
-            protocol: self.manner.protocol,
-            encoded: &self.encoded,
-        };
-        let new = Subscription::new(id, wish, source, Instant::now())?;
-        match known {
-            Some(place) => self.subscriptions[place] = new,
-            None => self.subscriptions.push(new),
-        }
-        Ok(())
-    }
-
-    fn move_view(&mut self, id: i64, update: Update) -> Result<(), SessionError> {
-        let place = self.known(id)?;
-        self.subscriptions[place].move_to(update.region)
-    }
-
-    fn unsubscribe(&mut self, id: i64) -> Result<(), SessionError> {
-        let place = self.known(id)?;
-        self.subscriptions.remove(place);
-        Ok(())
-    }
-
-    fn known(&self, id: i64) -> Result<usize, SessionError> {
-        self.subscriptions
-            .iter()
-            .position(|subscription| subscription.id() == id)
-            .ok_or_else(|| SessionError::NotFound { kind: "subscription", id: id.to_string() })
-    }
-
-    /// Sends what is due.
+    /// Sends what is due, with events that are there already.
     async fn update(&mut self) -> Result<(), Cause> {
-        for place in 0..self.subscriptions.len() {
+        while let Some(happened) = self.events.recv().now_or_never() {
+            self.interest.hear(happened)?;
+        }
+        for place in 0..self.interest.subscriptions.len() {
             let now = Instant::now();
-            let subscription = &mut self.subscriptions[place];
+            let subscription = &mut self.interest.subscriptions[place];
             if subscription.due().is_none_or(|due| due > now) {
                 continue;
             }
             let frame = self.session.frame();
             let unsent = self.manner.unsent;
-            let Some(copied) = subscription.copy(&self.session.mirror(), frame, unsent) else {
+            let Some(mut copied) = subscription.copy(&self.session.mirror(), frame, unsent) else {
                 subscription.put_off(now + NO_ROOM);
                 continue;
             };
-            let Some(parts) = subscription.message(copied, now) else { continue };
+            let mut events = self.interest.waiting.take(|happening| subscription.wants(happening));
+            events.append(&mut copied.crossings);
+            let Some(parts) = subscription.message(copied, now) else {
+                if !events.is_empty() {
+                    subscription.take_turn(now);
+                    self.tell(&events).await?;
+                }
+                continue;
+            };
             let Cost { tiles, encoded } = subscription.cost();
             self.manner.carried.tiles(tiles, encoded);
             for part in parts {
@@ -233,6 +215,7 @@ impl<W: Sink<Message, Error = axum::Error> + Unpin> Speaker<'_, W> {
                 self.write(part).await?;
                 self.manner.carried.message(bytes);
             }
+            self.tell(&events).await?;
         }
         Ok(())
     }

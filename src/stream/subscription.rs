@@ -6,20 +6,24 @@ use std::time::Duration;
 
 use axum::body::Bytes;
 use firn_protocol::stream::SubProtocol;
-use firn_protocol::{ColliderView, ColumnRegion, Resume, Stamp, Subscribe};
+use firn_protocol::{ColliderView, Event, Events, Resume, Stamp, Subscribe, Update};
 use firn_snow::{ColumnRect, Grid};
 use tokio::time::Instant;
 
 use crate::budget::{Budget, Reservation};
-use crate::session::{Invalid, Mirror, SessionError, TileColumns};
+use crate::session::{Check, Happening, Mirror, SessionError, TileColumns};
 
 use super::cache::{EncodedTiles, Layer};
 use super::quantum::Quantum;
-use super::region::{columns_of, overlap, tiles_of};
+use super::region::{columns_in, columns_of};
 use super::tiles::{Head, Parts, Sampling, meets, most_bytes};
+use super::watch::{Watch, watches};
 
 /// Longest message of heights whose memory is not counted \[bytes\].
 const SMALL: u64 = 64 * 1024;
+
+/// Why a wish that was checked is there.
+const NOTED: &str = "whatever is wrong with it was noted";
 
 /// A client's view of a session.
 #[derive(Debug)]
@@ -39,6 +43,9 @@ pub struct Subscription {
     wants_colliders: bool,
     /// Fingerprint of the colliders the client was last told.
     told: Option<blake3::Hash>,
+    /// Kinds of events wanted.
+    events: Events,
+    watches: Vec<Watch>,
     /// Mean time between two messages, at least.
     period: Duration,
     /// When a message about a new tick may be sent; a period later, one about anything else.
@@ -103,6 +110,8 @@ pub struct Copied {
     /// Version and heights of the others, in the same order.
     fresh: Vec<(u64, TileColumns)>,
     colliders: Option<Arc<[ColliderView]>>,
+    /// How watches stand of which the client was told otherwise.
+    pub crossings: Vec<Event>,
     /// Counted where the message is a large one.
     memory: Option<Reservation>,
 }
@@ -119,19 +128,20 @@ impl Subscription {
         now: Instant,
     ) -> Result<Self, SessionError> {
         let Source { grid, recovers, protocol, encoded } = source;
-        let mut wrong = Vec::new();
+        let mut check = Check::default();
         if ![1, 2, 4, 8].contains(&wish.stride) {
-            wrong.push(Invalid::new("/stride", format!("{} is not 1, 2, 4 or 8", wish.stride)));
+            check.reject("/stride", format!("{} is not 1, 2, 4 or 8", wish.stride));
         }
-        if !(0.1..=60.0).contains(&wish.max_rate) {
-            let detail = format!("{} is not within 0.1 to 60 Hz", wish.max_rate);
-            wrong.push(Invalid::new("/max_rate", detail));
-        }
-        let quantum = Quantum::new(wish.quantum).map_err(|error| wrong.push(error));
-        let view = tiles_of(wish.region, &grid).map_err(|error| wrong.push(error));
-        let (Ok(quantum), Ok(view), true) = (quantum, view, wrong.is_empty()) else {
-            return Err(SessionError::Invalid(wrong));
-        };
+        check.range("/max_rate", wish.max_rate, 0.1, 60.0, "Hz");
+        let quantum = check.take(Quantum::new(wish.quantum));
+        let columns = check.take(columns_in(wish.region, &grid, "/region"));
+        let watches = watches(&wish.watch, &grid, &mut check);
+        check.finish()?;
+        let quantum = quantum.expect(NOTED);
+        let view = columns.expect(NOTED).tiles();
+        let is_json = protocol == SubProtocol::Json;
+        let default = || if is_json { Events::all() } else { Events::none() };
+        let events = wish.events.clone().unwrap_or_else(default);
         let (first, seen) = match &wish.resume {
             None => (First::Snapshot, 0),
             Some(resume) if recovers(resume) => (First::Recovered, resume.seq),
@@ -148,6 +158,8 @@ impl Subscription {
             first: Some(first),
             wants_colliders: wish.colliders,
             told: None,
+            events,
+            watches,
             period: Duration::from_secs_f64(1.0 / wish.max_rate),
             turn: now,
             told_tick: 0,
@@ -161,21 +173,38 @@ impl Subscription {
         self.id
     }
 
-    /// Moves the view; the client keeps what it holds of the new one.
+    /// Moves the view, and changes what is wanted beside heights. The client keeps what it holds of the
+    /// new view.
     ///
     /// # Errors
-    /// [`SessionError::Invalid`] where the region is empty or misses the grid.
-    pub fn move_to(&mut self, region: Option<ColumnRegion>) -> Result<(), SessionError> {
-        let view = tiles_of(region, &self.sampling.grid)
-            .map_err(|error| SessionError::Invalid(vec![error]))?;
-        self.view = view;
-        self.held = self.held.and_then(|held| overlap(&held, &view));
+    /// [`SessionError::Invalid`] names each field that is out of its range; nothing has changed then.
+    pub fn update(&mut self, update: Update) -> Result<(), SessionError> {
+        let grid = &self.sampling.grid;
+        let mut check = Check::default();
+        let columns = check.take(columns_in(update.region, grid, "/region"));
+        let watches = update.watch.map(|wishes| watches(&wishes, grid, &mut check));
+        check.finish()?;
+        if let Some(watches) = watches {
+            self.watches = watches;
+        }
+        if let Some(events) = update.events {
+            self.events = events;
+        }
+        self.view = columns.expect(NOTED).tiles();
+        self.held = self.held.and_then(|held| held.overlap(&self.view));
         self.told = None;
         self.news = News::Tick;
         Ok(())
     }
 
-    /// Notes that the mirror has changed, and which tick it is at.
+    /// Whether its client wants to hear of something.
+    pub fn wants(&self, happening: &Happening) -> bool {
+        let meets = |columns: &ColumnRect| columns.tiles().overlap(&self.view).is_some();
+        happening.event.kind().is_some_and(|kind| self.events.contains(kind))
+            && happening.columns.as_ref().is_none_or(meets)
+    }
+
+    /// Notes that there may be something to tell, and of which tick.
     pub fn mark(&mut self, tick: u64) {
         let news = if tick > self.told_tick { News::Tick } else { News::Change };
         self.news = self.news.max(news);
@@ -225,6 +254,9 @@ impl Subscription {
             bytes => Some(unsent.try_reserve(bytes)?),
         };
         let stamp = mirror.stamp_at(frame);
+        let watches = self.watches.iter_mut();
+        let crossings =
+            watches.filter_map(|watch| watch.news(mirror, stamp, self.id, self.seen)).collect();
         self.seen = mirror.seq;
         self.told_tick = stamp.tick;
         self.held = Some(self.view);
@@ -239,7 +271,7 @@ impl Subscription {
             (tile, bytes)
         };
         let tiles = tiles.into_iter().map(encoded).collect();
-        Some(Copied { stamp, tiles, fresh, colliders, memory })
+        Some(Copied { stamp, tiles, fresh, colliders, crossings, memory })
     }
 
     /// The message about what was copied, if anything in the view has changed.
@@ -249,7 +281,10 @@ impl Subscription {
         if first.is_none() && copied.tiles.is_empty() && colliders.is_none() {
             return None;
         }
-        self.turn = if first.is_some() { now } else { now.max(self.turn + self.period) };
+        match first {
+            Some(_) => self.turn = now,
+            None => self.take_turn(now),
+        }
         let head = Head {
             snapshot: matches!(first, Some(First::Snapshot | First::Lost)),
             id: self.id,
@@ -262,6 +297,11 @@ impl Subscription {
         };
         let tiles = self.encode(copied.tiles, copied.fresh);
         Some(Parts::new(head, self.sampling, tiles, colliders).holding(copied.memory))
+    }
+
+    /// Notes that something was told.
+    pub fn take_turn(&mut self, now: Instant) {
+        self.turn = now.max(self.turn + self.period);
     }
 
     /// What the newest message took.

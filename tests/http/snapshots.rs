@@ -104,7 +104,7 @@ async fn what_is_not_a_sound_snapshot_is_refused(backend: BackendChoice) {
         cases.push((format!("cut to {length}"), good[..length].to_vec()));
     }
     let mut newer = good.clone();
-    newer[8] = 2;
+    newer[8] = 3;
     cases.push(("newer".into(), newer));
     for at in [0, 16, 40, 50, good.len() / 3, good.len() / 2, good.len() - 5] {
         let mut damaged = good.clone();

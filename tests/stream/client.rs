@@ -35,6 +35,8 @@ pub struct Client {
     views: HashMap<i64, View>,
     /// Bytes of heights so far.
     pub payload: usize,
+    /// Messages so far, and their bytes.
+    pub heard: (usize, usize),
     /// Answers and events that were not asked for yet.
     answers: VecDeque<Value>,
     events: VecDeque<Value>,
@@ -154,7 +156,7 @@ impl Client {
 
     fn new(socket: Socket) -> Client {
         let (answers, events) = (VecDeque::new(), VecDeque::new());
-        Client { socket, views: HashMap::new(), payload: 0, answers, events }
+        Client { socket, views: HashMap::new(), payload: 0, heard: (0, 0), answers, events }
     }
 
     pub fn split(self) -> (SplitSink<Socket, Message>, SplitStream<Socket>) {
@@ -195,7 +197,11 @@ impl Client {
 
     /// The next message, or why there is none.
     pub async fn try_next(&mut self) -> Result<Value, String> {
-        match self.message().await {
+        let message = self.message().await;
+        if let Some(Ok(message)) = &message {
+            self.heard = (self.heard.0 + 1, self.heard.1 + message.len());
+        }
+        match message {
             Some(Ok(Message::Text(text))) => {
                 assert!(text.len() <= LARGEST, "{} bytes", text.len());
                 Ok(serde_json::from_str(&text).unwrap())
@@ -278,6 +284,21 @@ impl Client {
             }
             self.take().await;
         }
+    }
+
+    /// The next event.
+    pub async fn next_event(&mut self) -> Value {
+        loop {
+            if let Some(event) = self.events.pop_front() {
+                return event;
+            }
+            self.take().await;
+        }
+    }
+
+    /// An event that has come already.
+    pub fn pop_event(&mut self) -> Option<Value> {
+        self.events.pop_front()
     }
 
     /// The next event of a kind; others before it are dropped.

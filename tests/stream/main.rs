@@ -3,6 +3,7 @@
 mod access;
 mod changes;
 mod client;
+mod events;
 mod faults;
 mod heights;
 mod limits;

@@ -4,7 +4,8 @@ use firn::config::BackendChoice;
 use firn_client::{Client, Error, HeightField, Heights, Message, Session, Stream};
 use firn_protocol::stream::{Command, SubProtocol};
 use firn_protocol::{
-    Event, Region, SessionSpec, SettingsPatch, SnowLayer, Snowfall, StepSpec, Subscribe,
+    Clearing, ColumnRegion, DepthWatch, Event, EventKind, Events, Region, SessionSpec,
+    SettingsPatch, SnowLayer, Snowfall, StepSpec, Subscribe, Update,
 };
 use firn_snow::Grid;
 use tokio::time::timeout;
@@ -16,6 +17,7 @@ use crate::support::{Server, numbers};
 on_each_backend!(
     a_field_is_what_rest_reads,
     it_resumes_where_it_was,
+    events_and_watches_are_asked_for,
     what_is_refused_says_why,
     a_stream_tells_its_end,
 );
@@ -103,6 +105,48 @@ async fn it_resumes_where_it_was(backend: BackendChoice) {
     assert_eq!(corners, [(16, 8)]);
     let before = field.height(17, 9).unwrap();
     assert!(field.take(&missed) && field.height(17, 9).unwrap() > before + 0.4);
+    server.stop().await;
+}
+
+/// The next event.
+async fn event(stream: &mut Stream) -> Event {
+    let event = async {
+        loop {
+            if let Message::Event(event) = stream.next().await.unwrap() {
+                return event;
+            }
+        }
+    };
+    timeout(PATIENCE, event).await.expect("nothing happens")
+}
+
+async fn events_and_watches_are_asked_for(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = field(&server).await;
+    let mut stream = session.stream(SubProtocol::Binary).await.unwrap();
+    let region = Some(ColumnRegion { column_x: 0, column_z: 0, width: 8, depth: 8 });
+    let deep = DepthWatch { id: "deep".to_owned(), region, above: Some(1.5), below: None };
+    let events = Some(Events::from_iter([EventKind::Clearing]));
+    let wish =
+        Subscribe { region, events, watch: vec![deep], max_rate: 60.0, ..Subscribe::default() };
+    let subscription = stream.subscribe(wish).await.unwrap();
+    let mut stands = async || match event(&mut stream).await {
+        Event::Watch { subscription: told, id, holds, mean_depth, .. } => {
+            assert_eq!((told, &*id), (subscription, "deep"));
+            (holds, mean_depth)
+        }
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(stands().await, (false, 1.0));
+    session.snowfall(&Snowfall::new(1.0)).await.unwrap();
+    assert_eq!(stands().await, (true, 2.0));
+    let update = Update { region, events: None, watch: Some(Vec::new()) };
+    stream.send(&Command::Update { id: subscription, update }).await.unwrap();
+    let cleared = session.clear(&Clearing { depth: 0.0, region: None }).await.unwrap();
+    let Event::Clearing { cleared_mass, stamp } = event(&mut stream).await else {
+        panic!("a watch that is gone tells something")
+    };
+    assert_eq!((cleared_mass, stamp), (cleared.cleared_mass, cleared.stamp));
     server.stop().await;
 }
 

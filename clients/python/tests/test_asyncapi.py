@@ -35,6 +35,8 @@ SENT = [
 TOLD = [name for name in MESSAGES if name not in SENT]
 # Commands that change heights or objects.
 CHANGES = ("snowfall", "clearing", "collider.put", "collider.delete", "colliders.batch")
+# Commands that change settings.
+SETTINGS = ("air_temperature", "set")
 # The session that the examples are about.
 SESSION = {"id": "alp", "paused": True, "grid": {"width": 4, "depth": 3, "height": 10, "cell_size": 0.5}}
 
@@ -93,11 +95,16 @@ class Conversation:
                 return message
 
     async def say(self, message: dict[str, Any]) -> None:
-        """Sends a message; listens until it is answered, and the first subscription told what it has changed."""
+        """Sends a message; listens until it is answered, and the first subscription told what it has changed: of
+        events that wait together the newest stands for all."""
         await self.socket.send(json.dumps(message))
         answer = await self.until(id=message["id"])
         if answer["op"] == "ack" and message["op"] in CHANGES:
             while not any(self._told(answer["seq"])):
+                await self.hear()
+        if answer["op"] == "ack" and message["op"] in SETTINGS:
+            told = {"event": "settings", "seq": answer["seq"]}
+            while not any(told.items() <= heard.items() for heard in self.heard):
                 await self.hear()
 
     def _told(self, seq: int) -> Iterator[bool]:

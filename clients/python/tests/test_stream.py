@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from firn import Change, Client, Disconnected, ProblemError, Session, StreamClosed, Subscription, decode
+from firn.types import ColumnRegion, DepthWatch, Event
 from line import Line
 from server import Server
 
@@ -92,6 +93,29 @@ async def test_a_subscription_moves(client: Client) -> None:
             await snow.move({"column_x": 50, "column_z": 0, "width": 8, "depth": 8})
         await stream.unsubscribe(snow)
         assert len([change async for change in snow]) <= 1
+
+
+async def test_events_and_watches_are_told(client: Client) -> None:
+    session = client.create_session(grid=GRID, paused=True, initial_snow=[{"depth": 1}])
+    events: asyncio.Queue[Event] = asyncio.Queue()
+    tile: ColumnRegion = {"column_x": 8, "column_z": 8, "width": 8, "depth": 8}
+
+    async def told() -> tuple[Any, ...]:
+        event = await asyncio.wait_for(events.get(), 30)
+        return (event["event"], event["id"], event["holds"]) if event["event"] == "watch" else (event["event"],)
+
+    async with session.stream(on_event=events.put_nowait) as stream:
+        watch: DepthWatch = {"id": "deep", "region": tile, "above": 1.5}
+        snow = await stream.subscribe(region=tile, max_rate=60, events=["settings"], watch=[watch])
+        assert await told() == ("watch", "deep", False)
+        session.snowfall(1)
+        assert await told() == ("watch", "deep", True)
+        await stream.command("air_temperature", celsius=-7)
+        assert await told() == ("settings",)
+        await snow.want(events=True, watch=[{"id": "bare", "below": 0.1}])
+        assert await told() == ("watch", "bare", False)
+        session.clear(0)
+        assert {await told(), await told()} == {("clearing",), ("watch", "bare", True)}
 
 
 async def test_refusals_and_endings(client: Client) -> None:

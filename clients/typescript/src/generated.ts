@@ -230,6 +230,23 @@ export interface components {
             /** @description Allows its reads and streams. */
             viewer_token: string;
         };
+        /**
+         * @description A mean snow depth whose crossing is told by a `watch` event. It holds while the mean depth of the
+         *     region's columns is above `above`, or below `below`; one of the two is given. At the depth itself
+         *     it does not hold.
+         */
+        DepthWatch: {
+            /** @description Its name. No other watch of the subscription has it. */
+            id: string;
+            /** @description Columns, not widened to tiles; the whole grid where there is none. */
+            region?: components["schemas"]["ColumnRegion"] | null;
+            /** @description Depth [m], at most the height of the grid. */
+            above?: number | null;
+            /** @description Depth [m], at most the height of the grid. */
+            below?: number | null;
+        };
+        /** @description Depths whose crossing is told. */
+        DepthWatches: components["schemas"]["DepthWatch"][];
         /** @description The digest of a session. */
         DigestView: components["schemas"]["Stamp"] & {
             /** @description Hash of all that a snapshot holds: equal digests, equal snowpacks. */
@@ -243,8 +260,18 @@ export interface components {
             id: number | null;
             problem: components["schemas"]["Problem"];
         };
-        /** @description Something happened in the session. Told live only; a slow client may miss some. */
-        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["PlainEvent"];
+        /**
+         * @description A kind of events that a subscription can choose.
+         * @enum {unknown}
+         */
+        EventKind: "snowfall" | "clearing" | "settings" | "settled" | "reset";
+        /** @description Something happened in the session, or a watch tells how it stands. */
+        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["PlainEvent"] | components["schemas"]["WatchEvent"];
+        /**
+         * @description Which events are wanted: all, none, or some kinds. Where it is not said: all under
+         *     `firn.v1.json`, none under `firn.v1.bin`.
+         */
+        EventsWanted: boolean | components["schemas"]["EventKind"][];
         /** @description A part of a request that can't be accepted. */
         FieldError: {
             /** @description JSON pointer to the field in the body, or the name of a path or query parameter. */
@@ -909,7 +936,8 @@ export interface components {
              */
             stride?: 1 | 2 | 4 | 8;
             /**
-             * @description Most messages per second of this subscription, on average [Hz]. A new tick may be told up
+             * @description Most messages of heights per second of this subscription, on average [Hz], and most events of
+             *     each kind. A new tick may be told up
              *     to one message early, so that it is told when it happens; changes between ticks wait
              *     for their turn.
              */
@@ -918,6 +946,8 @@ export interface components {
             quantum?: number;
             /** @description Whether the colliders in the region are wanted. */
             colliders?: boolean;
+            events?: components["schemas"]["EventsWanted"];
+            watch?: components["schemas"]["DepthWatches"];
             /**
              * @description The state that the client holds: the epoch of the `welcome` under which it was told, and the seq of the
              *     last whole message.
@@ -981,13 +1011,17 @@ export interface components {
             op: "unsubscribe";
             id: components["schemas"]["Id"];
         };
-        /** @description Moves a subscription. Only tiles that came into view are sent. */
+        /** @description Moves a subscription, and changes what else it wants. Only tiles that came into view are sent. */
         UpdateMessage: {
             /** @constant */
             op: "update";
             id: components["schemas"]["Id"];
             /** @description The whole grid where there is none. */
             region?: components["schemas"]["ColumnRegion"] | null;
+            /** @description As before where it is not said. */
+            events?: components["schemas"]["EventsWanted"] | null;
+            /** @description As before where it is not said. */
+            watch?: components["schemas"]["DepthWatches"] | null;
         };
         /** @description What a session takes of the server. */
         UsageView: {
@@ -1012,6 +1046,26 @@ export interface components {
             bytes: number;
             /** @description Length of the file [bytes]. What it has beyond the rows is its index and unused pages. */
             file_bytes: number;
+        };
+        /** @description How a watch stands, at the begin of its subscription and with each crossing. */
+        WatchEvent: {
+            /** @constant */
+            op: "event";
+            /** @constant */
+            event: "watch";
+            tick: components["schemas"]["Tick"];
+            seq: components["schemas"]["Seq"];
+            /** @description The subscription that has the watch. */
+            subscription: number;
+            /** @description The watch. */
+            id: string;
+            /**
+             * @description Whether the mean depth is above (or below) the watch's by now: after a crossing, true where it has
+             *     come to hold and false where it has ceased to.
+             */
+            holds: boolean;
+            /** @description Mean depth of the snow in the region [m]. */
+            mean_depth: number;
         };
         /**
          * @description A maximal run of cells with a density of at most 0.8 of the least dense of the densest cell
@@ -1081,9 +1135,13 @@ export type CompactReply = components['schemas']['CompactReply'];
 export type ContentName = components['schemas']['ContentName'];
 export type CreateSessionQuery = components['schemas']['CreateSessionQuery'];
 export type CreatedSession = components['schemas']['CreatedSession'];
+export type DepthWatch = components['schemas']['DepthWatch'];
+export type DepthWatches = components['schemas']['DepthWatches'];
 export type DigestView = components['schemas']['DigestView'];
 export type ErrorMessage = components['schemas']['ErrorMessage'];
+export type EventKind = components['schemas']['EventKind'];
 export type EventMessage = components['schemas']['EventMessage'];
+export type EventsWanted = components['schemas']['EventsWanted'];
 export type FieldError = components['schemas']['FieldError'];
 export type GetCellsQuery = components['schemas']['GetCellsQuery'];
 export type GetHeightQuery = components['schemas']['GetHeightQuery'];
@@ -1148,6 +1206,7 @@ export type UnsubscribeMessage = components['schemas']['UnsubscribeMessage'];
 export type UpdateMessage = components['schemas']['UpdateMessage'];
 export type UsageView = components['schemas']['UsageView'];
 export type VerifyReply = components['schemas']['VerifyReply'];
+export type WatchEvent = components['schemas']['WatchEvent'];
 export type WeakLayerView = components['schemas']['WeakLayerView'];
 export type WelcomeMessage = components['schemas']['WelcomeMessage'];
 export type $defs = Record<string, never>;

@@ -22,6 +22,10 @@ export type StreamState =
 export interface StreamOptions {
   onState?: (state: StreamState) => void;
   onWelcome?: (welcome: Welcome) => void;
+  /**
+   * Called with events and with how watches stand. Where it is there, subscriptions want all events of their region unless their
+   * `events` say otherwise.
+   */
   onEvent?: (event: StreamEvent) => void;
   /** Something other than a command was refused, such as a subscription. */
   onProblem?: (problem: Problem) => void;
@@ -78,7 +82,8 @@ export class Stream {
   /** Watches a region; `onChange` is called once its heights are known, and with everything that changes. */
   subscribe(watch: Watch, onChange: (change: Change) => void): Subscription {
     const id = this.nextId++;
-    const subscription = new Subscription(id, watch, (message) => this.tell(message), onChange);
+    const wish = { events: this.options.onEvent !== undefined, ...watch };
+    const subscription = new Subscription(id, wish, (message) => this.tell(message), onChange);
     this.subscriptions.set(id, subscription);
     if (this.welcome && this.state.name === "open") this.tell(subscription.begin(this.welcome));
     return subscription;

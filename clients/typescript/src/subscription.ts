@@ -3,7 +3,7 @@
 import type { SubscribeMessage } from "./generated.ts";
 import { HeightField } from "./height-field.ts";
 import type { HeightMessage, Tile } from "./height-stream.ts";
-import type { Collider, ColumnRegion, Welcome } from "./types.ts";
+import type { Collider, ColumnRegion, DepthWatch, EventsWanted, Welcome } from "./types.ts";
 
 /** What is to be watched. */
 export type Watch = Omit<SubscribeMessage, "op" | "id" | "resume">;
@@ -53,6 +53,13 @@ export class Subscription {
     this.field?.moveTo(region);
     this.tell({ op: "update", id: this.id, region });
     return this.field;
+  }
+
+  /** Wants other events, or other watches; how these stand is told at once. What is left out stays. */
+  want({ events, watch }: { events?: EventsWanted; watch?: DepthWatch[] }): void {
+    if (events !== undefined) this.watch.events = events;
+    if (watch !== undefined) this.watch.watch = watch;
+    this.tell({ op: "update", id: this.id, region: this.watch.region, events, watch });
   }
 
   /** Ends it. */

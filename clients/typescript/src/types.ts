@@ -13,6 +13,9 @@ export type {
   ColumnView as Column,
   ColumnRegion,
   CreatedSession,
+  DepthWatch,
+  EventKind,
+  EventsWanted,
   Grid,
   GridSpec,
   GetHeightsQuery as HeightsQuery,
@@ -46,5 +49,6 @@ export type {
   TokensReply as Tokens,
   UsageView as Usage,
   WeakLayerView as WeakLayer,
+  WatchEvent,
   WelcomeMessage as Welcome,
 } from "./generated.ts";

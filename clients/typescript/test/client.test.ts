@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { type Change, DisconnectedError, Firn, HeightField, ProblemError, type StreamState } from "../src/index.ts";
+import { type Change, DisconnectedError, Firn, HeightField, ProblemError, type StreamEvent, type StreamState } from "../src/index.ts";
 import { openLine } from "./line.ts";
 import { type Server, startServer } from "./server.ts";
 
@@ -139,6 +139,47 @@ test("a subscription holds the heights that REST tells", async (t) => {
   stream.close();
   assert.equal(stream.state.name, "closed");
   await assert.rejects(stream.command("snowfall", { depth: 1 }), DisconnectedError);
+});
+
+test("events come where they are wanted, and watches tell each crossing", async (t) => {
+  const grid = { width: 16, depth: 8, height: 30 };
+  await firn.createSession({ id: "events", grid, paused: true, initial_snow: [{ depth: 1 }] });
+  const session = firn.session("events");
+  const events: StreamEvent[] = [];
+  let heard = () => {};
+  const stream = session.stream({
+    onEvent: (event) => {
+      events.push(event);
+      heard();
+    },
+  });
+  t.after(() => stream.close());
+  const next = async (): Promise<StreamEvent> => {
+    while (events.length === 0) {
+      await new Promise<void>((resolve) => {
+        heard = resolve;
+      });
+    }
+    return events.shift() as StreamEvent;
+  };
+  const holds = async (id: string) => {
+    const event = await next();
+    assert.ok(event.event === "watch" && event.id === id, JSON.stringify(event));
+    return event.holds;
+  };
+  const region = { column_x: 0, column_z: 0, width: 8, depth: 8 };
+  const watch = [{ id: "deep", region, above: 1.5 }];
+  const near = stream.subscribe({ region, max_rate: 60, watch }, () => {});
+  assert.equal(await holds("deep"), false);
+  // A clearing of the other tile is not told.
+  await session.clear({ depth: 0.5, region: { x: 1.6, z: 0, width: 1.6, depth: 1.6 } });
+  const { fallen_mass } = await session.snowfall({ depth: 0.25, region: { x: 0, z: 0, width: 1.6, depth: 1.6 } });
+  const event = await next();
+  assert.ok(event.event === "snowfall" && event.fallen_mass === fallen_mass, JSON.stringify(event));
+  near.want({ events: false, watch: [{ id: "all", below: 0.1 }] });
+  assert.equal(await holds("all"), false);
+  await session.clear({ depth: 0 });
+  assert.equal(await holds("all"), true);
 });
 
 test("a stream that was cut off resumes, and gets what it missed", async (t) => {

@@ -2,6 +2,7 @@
 //
 //     decode HEX            prints a message's tiles, or what is wrong with it
 //     follow SERVER SESSION prints a line for every new state: seq, recovered, width, depth, heights in millimetres
+//     watch SERVER SESSION  prints a line whenever the mean depth of the first tile has crossed 1.5 m
 
 using System;
 using System.IO;
@@ -15,10 +16,14 @@ static class Program
     {
         if (arguments[0] == "decode") return Decode(arguments[1]);
         var snow = new Heightfield(new Uri(arguments[1]), arguments[2], maxRate: 60);
+        var watches = arguments[0] == "watch";
+        if (watches) snow.Watches.Add(new DepthWatch { Id = "deep", Width = 8, Depth = 8, Above = 1.5 });
         var running = snow.RunAsync(CancellationToken.None);
         while (!running.IsCompleted)
         {
-            if (snow.Poll()) Print(snow);
+            if (snow.Poll() && !watches) Print(snow);
+            WatchEvent told;
+            while (snow.PollWatch(out told)) Print(told);
             Thread.Sleep(5); // until a game's next frame
         }
         Console.WriteLine("ended " + running.Exception.InnerException.Message);
@@ -30,6 +35,12 @@ static class Program
         var heights = snow.Heights.Select(height => Math.Round(height * 1000));
         Console.WriteLine("{0} {1} {2} {3} {4}", snow.Seq, snow.Recovered?.ToString() ?? "-", snow.Width, snow.Depth,
             string.Join(" ", heights));
+        Console.Out.Flush();
+    }
+
+    static void Print(WatchEvent told)
+    {
+        Console.WriteLine("{0} {1} {2} {3}", told.Seq, told.Id, told.Holds, Math.Round(told.MeanDepth * 1000));
         Console.Out.Flush();
     }
 

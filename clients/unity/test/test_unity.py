@@ -56,9 +56,9 @@ class Follower:
 
 
 @asynccontextmanager
-async def follow(url: str, session: str) -> AsyncIterator[Follower]:
+async def follow(url: str, session: str, command: str = "follow") -> AsyncIterator[Follower]:
     process = await asyncio.create_subprocess_exec(
-        *PROGRAM, "follow", url, session, stdout=asyncio.subprocess.PIPE, limit=1 << 20
+        *PROGRAM, command, url, session, stdout=asyncio.subprocess.PIPE, limit=1 << 20
     )
     try:
         yield Follower(process)
@@ -94,3 +94,16 @@ async def test_it_holds_what_rest_tells_also_after_a_lost_connection(client: Cli
         while (said := await follower.line())[0] != "ended":
             pass
         assert said[-1] == "(3502)"
+
+
+async def test_a_watch_is_told_at_once_and_whenever_it_is_crossed(client: Client, server: Server) -> None:
+    grid = {"width": 16, "depth": 8, "height": 30, "cell_size": 0.2}
+    session = client.create_session(id="crossed", grid=grid, paused=True, initial_snow=[{"depth": 1}])
+    async with Line(server.port) as line, follow(line.url, "crossed", "watch") as follower:
+        assert (await follower.line())[1:] == ["deep", "False", "1000"]
+        fall = session.snowfall(1, region={"x": 0, "z": 0, "width": 1.6, "depth": 1.6})
+        assert await follower.line() == [str(fall["seq"]), "deep", "True", "2000"]
+        line.cut()
+        session.clear(0.5)
+        line.mend()
+        assert (await follower.line())[1:] == ["deep", "False", "500"]

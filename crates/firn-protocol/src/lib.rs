@@ -33,7 +33,7 @@ mod weather;
 pub use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Position, Shape};
 
 pub use colliders::{ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView};
-pub use events::Event;
+pub use events::{Event, EventKind, Events};
 pub use probes::{Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use problem::{FieldError, Problem};
 pub use session::{
@@ -42,7 +42,7 @@ pub use session::{
 };
 pub use snow::{ColumnView, LayerView, MassView, Reference, WeakLayerView};
 pub use store::{CompactReply, VerifyReply};
-pub use subscription::{ColumnRegion, Resume, Subscribe, Update};
+pub use subscription::{ColumnRegion, DepthWatch, MOST_WATCHES, Resume, Subscribe, Update};
 pub use usage::{MemoryBytes, UsageView};
 pub use weather::{
     AirTemperature, AirTemperatureReply, Clearing, ClearingReply, Region, Snowfall, SnowfallReply,

@@ -1,6 +1,8 @@
-//! Subscriptions of a stream: region, rate, and where to resume.
+//! Subscriptions of a stream: region, rate, events, watches, and where to resume.
 
 use serde::{Deserialize, Serialize};
+
+use crate::events::Events;
 
 /// What a subscription wants.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,6 +18,12 @@ pub struct Subscribe {
     pub quantum: f64,
     /// Whether colliders are wanted.
     pub colliders: bool,
+    /// Which events are wanted. Where it is not said: all under `firn.v1.json`, none under `firn.v1.bin`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub events: Option<Events>,
+    /// Depths whose crossing is told, at most [`MOST_WATCHES`].
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub watch: Vec<DepthWatch>,
     /// State up to which the client has seen everything.
     pub resume: Option<Resume>,
 }
@@ -28,6 +36,8 @@ impl Default for Subscribe {
             max_rate: 20.0,
             quantum: 0.001,
             colliders: false,
+            events: None,
+            watch: Vec::new(),
             resume: None,
         }
     }
@@ -43,12 +53,39 @@ pub struct Resume {
     pub seq: u64,
 }
 
-/// Where a subscription moves to.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// Watches of one subscription, at most.
+pub const MOST_WATCHES: usize = 16;
+
+/// A mean depth whose crossing is told by [`Event::Watch`](crate::Event::Watch): exactly one of `above` and
+/// `below` is given.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DepthWatch {
+    /// Its name, `[A-Za-z0-9_-]{1,64}`; no other watch of the subscription has it.
+    pub id: String,
+    /// Columns whose mean depth counts, not widened to tiles; the whole grid where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<ColumnRegion>,
+    /// It holds while the mean depth of the snow is above this \[m\], from 0 to the height of the grid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub above: Option<f64>,
+    /// It holds while the mean depth of the snow is below this \[m\], from 0 to the height of the grid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub below: Option<f64>,
+}
+
+/// What a subscription becomes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Update {
     /// Columns wanted; the whole grid where there is none.
     pub region: Option<ColumnRegion>,
+    /// Which events are wanted; those as before where it is not said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub events: Option<Events>,
+    /// Watches in place of those before, which stay where it is not said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub watch: Option<Vec<DepthWatch>>,
 }
 
 /// A rectangle of columns. It may reach beyond the grid, but has to meet it.

@@ -11,6 +11,7 @@ mod panics;
 mod report;
 mod simulation;
 mod viewer;
+mod watched;
 
 use std::process::ExitCode;
 use std::time::{SystemTime, UNIX_EPOCH};

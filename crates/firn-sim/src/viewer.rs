@@ -10,6 +10,8 @@ use firn_protocol::{Resume, Subscribe};
 use rand::Rng;
 use rand::rngs::SmallRng;
 
+use crate::watched::Watched;
+
 /// Steps that heights are rounded to \[m\].
 const QUANTUM: f64 = 0.001;
 
@@ -34,6 +36,7 @@ struct Open {
     visit: Visit,
     subscription: Subscription,
     field: HeightField,
+    watched: Watched,
 }
 
 impl Viewer {
@@ -81,7 +84,9 @@ impl Viewer {
         let chosen = (!self.seen.is_empty() && dice.random_bool(0.9))
             .then(|| self.seen[dice.random_range(0..self.seen.len())].clone());
         let resume: Option<Resume> = chosen.as_ref().and_then(HeightField::resume);
-        let wish = Subscribe { max_rate: 60.0, resume, ..Subscribe::default() };
+        let watched = Watched::new(&grid, dice);
+        let watch = vec![watched.wish.clone()];
+        let wish = Subscribe { max_rate: 60.0, resume, watch, ..Subscribe::default() };
         let encoded = visit.companion::<EncodedTiles>();
         let source = Source {
             grid,
@@ -96,7 +101,7 @@ impl Viewer {
         if field.reconnect(&welcome, 1).is_err() {
             field = HeightField::new(&welcome, 1, &wish);
         }
-        self.open = Some(Open { visit, subscription, field });
+        self.open = Some(Open { visit, subscription, field, watched });
     }
 
     /// Takes what is new.
@@ -104,7 +109,7 @@ impl Viewer {
     /// # Errors
     /// Where that can't be right.
     pub fn take(&mut self) -> Result<(), String> {
-        let Some(Open { visit, subscription, field }) = &mut self.open else {
+        let Some(Open { visit, subscription, field, watched }) = &mut self.open else {
             return Ok(());
         };
         if visit.gone().is_cancelled() {
@@ -112,7 +117,10 @@ impl Viewer {
             return Ok(());
         }
         let unsent = Budget::new(1 << 30);
-        let copied = subscription.copy(&visit.mirror(), visit.frame(), &unsent);
+        let mut copied = subscription.copy(&visit.mirror(), visit.frame(), &unsent);
+        for event in copied.iter_mut().flat_map(|copied| copied.crossings.drain(..)) {
+            watched.hear(event)?;
+        }
         let parts = copied.and_then(|copied| subscription.message(copied, machine::now().into()));
         for part in parts.into_iter().flatten() {
             let raw = match part {
@@ -156,8 +164,9 @@ impl Viewer {
     /// Where that is something else.
     pub fn check(&mut self) -> Result<(), String> {
         self.take()?;
-        let Some(Open { visit, field, .. }) = &self.open else { return Ok(()) };
+        let Some(Open { visit, field, watched, .. }) = &self.open else { return Ok(()) };
         let mirror = visit.mirror();
+        watched.check(&mirror)?;
         let grid = mirror.grid;
         for (x, z) in (0..grid.depth).flat_map(|z| (0..grid.width).map(move |x| (x, z))) {
             let there = grid.metres(mirror.height(x, z).into());

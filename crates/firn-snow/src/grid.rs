@@ -71,6 +71,29 @@ impl ColumnRect {
         (self.x0..self.x1).contains(&x) && (self.z0..self.z1).contains(&z)
     }
 
+    /// What it has in common with another rectangle, if anything.
+    #[inline]
+    pub fn overlap(&self, other: &ColumnRect) -> Option<ColumnRect> {
+        let rect = ColumnRect {
+            x0: self.x0.max(other.x0),
+            z0: self.z0.max(other.z0),
+            x1: self.x1.min(other.x1),
+            z1: self.z1.min(other.z1),
+        };
+        (rect.x0 < rect.x1 && rect.z0 < rect.z1).then_some(rect)
+    }
+
+    /// The smallest rectangle that holds this and another.
+    #[inline]
+    pub fn hull(&self, other: &ColumnRect) -> ColumnRect {
+        ColumnRect {
+            x0: self.x0.min(other.x0),
+            z0: self.z0.min(other.z0),
+            x1: self.x1.max(other.x1),
+            z1: self.z1.max(other.z1),
+        }
+    }
+
     /// The tiles that the rectangle meets, as a rectangle of tile coordinates.
     #[inline]
     pub fn tiles(&self) -> ColumnRect {

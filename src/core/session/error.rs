@@ -91,6 +91,11 @@ impl Check {
         self.0.push(Invalid::new(pointer, detail));
     }
 
+    /// What was read, or notes what is wrong with it.
+    pub fn take<T>(&mut self, read: Result<T, Invalid>) -> Option<T> {
+        read.map_err(|invalid| self.0.push(invalid)).ok()
+    }
+
     /// Notes a number outside `lowest..=highest`, or not finite.
     pub fn range(
         &mut self,

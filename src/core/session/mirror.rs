@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use firn_engine::reserve::try_filled;
 use firn_protocol::{ColliderView, SessionSpec, Settings, Stamp, Summary};
-use firn_snow::{Grid, Material, TILE_COLUMNS};
+use firn_snow::{ColumnRect, Grid, Material, TILE_COLUMNS};
 
 use crate::core::session::{Clock, Ground};
 
@@ -60,10 +60,9 @@ impl Sums {
     const NONE: Sums = Sums { sum: 0, least: u32::MAX, greatest: 0 };
     const BARE: Sums = Sums { sum: 0, least: 0, greatest: 0 };
 
-    /// Over the columns of a tile that are part of the grid.
+    /// Over some columns of a tile, given the heights of all.
     #[inline]
-    fn of(grid: &Grid, tile: u32, heights: &TileColumns) -> Sums {
-        let rect = grid.tile_rect(tile);
+    fn of(grid: &Grid, rect: ColumnRect, heights: &TileColumns) -> Sums {
         let all = (rect.z0..rect.z1).flat_map(|z| (rect.x0..rect.x1).map(move |x| (x, z)));
         all.map(|(x, z)| heights[grid.locate(x, z).1 as usize]).fold(Sums::NONE, |sums, height| {
             sums.and(Sums { sum: height.into(), least: height, greatest: height })
@@ -124,7 +123,7 @@ impl Mirror {
     /// Takes over a tile as it was when its version was noted.
     pub(crate) fn recall(&mut self, tile: u32, heights: &TileColumns) {
         self.tiles[tile as usize] = *heights;
-        self.sums[tile as usize] = Sums::of(&self.grid, tile, heights);
+        self.sums[tile as usize] = Sums::of(&self.grid, self.grid.tile_rect(tile), heights);
     }
 
     /// Whether a tile's heights are those already known.
@@ -175,6 +174,30 @@ impl Mirror {
     pub fn height(&self, x: u32, z: u32) -> u32 {
         let (tile, column) = self.grid.locate(x, z);
         self.tiles[tile as usize][column as usize]
+    }
+
+    /// Mean depth of some columns, at least one \[m\].
+    pub fn mean_depth(&self, columns: &ColumnRect) -> f64 {
+        let sum = self.tiles_in(columns).map(|tile| {
+            let rect = self.grid.tile_rect(tile);
+            match rect.overlap(columns) {
+                // All of the tile: its sum is kept.
+                Some(part) if part == rect => self.sums[tile as usize].sum,
+                Some(part) => Sums::of(&self.grid, part, &self.tiles[tile as usize]).sum,
+                None => 0,
+            }
+        });
+        self.grid.metres(sum.sum()) / columns.columns() as f64
+    }
+
+    /// Whether a tile that some columns meet has changed after `seq`.
+    pub fn has_changed_since(&self, seq: u64, columns: &ColumnRect) -> bool {
+        self.tiles_in(columns).any(|tile| self.versions[tile as usize] > seq)
+    }
+
+    fn tiles_in(&self, columns: &ColumnRect) -> impl Iterator<Item = u32> + use<> {
+        let (tiles, row) = (columns.tiles(), self.grid.tiles_x());
+        (tiles.z0..tiles.z1).flat_map(move |z| (tiles.x0..tiles.x1).map(move |x| z * row + x))
     }
 
     /// Memory that the heights take \[bytes\].

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use firn_engine::frame::{Edit, SampleBox};
 use firn_protocol::MassView;
+use firn_snow::ColumnRect;
 
 use crate::core::record::Once;
 use crate::core::session::{
@@ -77,8 +78,11 @@ pub(crate) enum Told {
     Snowfall {
         fallen: u128,
         refused: u128,
+        columns: ColumnRect,
     },
-    Clearing,
+    Clearing {
+        columns: ColumnRect,
+    },
     AirTemperature,
     Collider {
         id: Arc<str>,

@@ -5,19 +5,20 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 use std::time::Duration;
 
 use firn_engine::frame::cell_bytes;
-use firn_protocol::{Event, SessionSpec};
+use firn_protocol::SessionSpec;
 use tokio::sync::{broadcast, watch};
 use tokio_util::sync::CancellationToken;
 use ulid::Ulid;
 
 use crate::core::record::{Epochs, Identity, Weight};
 use crate::core::session::{
-    Clock, FRAME_RATE, Ground, Limits, Mirror, Publication, Receipts, SessionError, TokenHashes,
+    Clock, FRAME_RATE, Ground, Happening, Limits, Mirror, Publication, Receipts, SessionError,
+    TokenHashes,
 };
 use crate::core::snapshot::Snapshot;
 use crate::core::tenant::Tenant;
 
-/// Events a stream client that is slower than this many of them loses the oldest.
+/// Frames with events that a stream may lie behind by before it loses the oldest.
 pub(crate) const EVENT_BACKLOG: usize = 64;
 
 /// What the core shows of a session, for who reads and watches it from other threads.
@@ -45,7 +46,7 @@ pub struct Outlet {
     pub(crate) key: u64,
     pub(crate) mirror: RwLock<Mirror>,
     pub(crate) published: watch::Sender<Publication>,
-    pub(crate) events: broadcast::Sender<Event>,
+    pub(crate) events: broadcast::Sender<Arc<[Happening]>>,
     pub(crate) gone: CancellationToken,
     /// Its memory is freed, and its time stands still.
     pub(crate) hibernating: AtomicBool,
@@ -200,8 +201,8 @@ impl Outlet {
         self.published.subscribe()
     }
 
-    /// Events from now on.
-    pub fn events(&self) -> broadcast::Receiver<Event> {
+    /// Events from now on, those of a frame together.
+    pub fn events(&self) -> broadcast::Receiver<Arc<[Happening]>> {
         self.events.subscribe()
     }
 

@@ -12,8 +12,8 @@ use firn_snow::{Contact, Elevation, Grid, TILE_COLUMNS};
 
 use crate::core::record::{Done, Taken};
 use crate::core::session::{
-    Applied, Collider, Counted, Gathered, Mirror, Orders, Outlet, Receipted, Reply, Sampled,
-    SessionState, Simulation, Told,
+    Applied, Collider, Counted, Gathered, Happening, Mirror, Orders, Outlet, Receipted, Reply,
+    Sampled, SessionState, Simulation, Told,
 };
 use crate::core::snapshot::Snapshot;
 
@@ -53,16 +53,19 @@ impl Simulation {
         let settles = self.is_settled() && !was_settled;
         if self.flight.publish {
             let orders = std::mem::take(&mut self.flight.orders);
-            let stamp = self.publish(&orders, &outcome, tiles);
+            let (stamp, changed) = self.publish(&orders, &outcome, tiles);
             let settled = settles.then_some(Event::Settled { stamp });
             let reset = orders.reset.then_some(Event::Reset { stamp });
-            self.answer(orders, outcome, stamp, stored);
-            for event in reset.into_iter().chain(settled) {
-                self.tell(event);
+            let mut told = self.answer(orders, outcome, stamp, stored);
+            told.extend(reset.into_iter().chain(settled).map(Happening::from));
+            self.tell(told);
+            // Streams hear of events before heights, so that they tell both in one turn.
+            if changed {
+                self.announce(stamp);
             }
         } else if settles {
             let stamp = Stamp { tick: self.state.clock.tick(), seq: self.session.mirror().seq };
-            self.tell(Event::Settled { stamp });
+            self.tell(vec![Event::Settled { stamp }.into()]);
         }
         self.deposit_falling();
     }
@@ -78,13 +81,13 @@ impl Simulation {
         }
     }
 
-    /// Brings the mirror up to date.
+    /// Brings the mirror up to date. Returns when, and whether anything has changed.
     fn publish<'a>(
         &mut self,
         orders: &Orders,
         outcome: &WorkOutcome,
         tiles: impl Iterator<Item = (u32, &'a TileColumns)>,
-    ) -> Stamp {
+    ) -> (Stamp, bool) {
         let mut tiles = tiles.peekable();
         let session = self.session.clone();
         self.take_contacts(&outcome.contacts);
@@ -111,13 +114,14 @@ impl Simulation {
         mirror.seq = seq;
         drop(mirror);
         self.unpublished = false;
-        let stamp = Stamp { tick: self.state.clock.tick(), seq };
-        if changed {
-            session.published.send_modify(|publication| {
-                *publication = Publication { number: publication.number + 1, tick: stamp.tick };
-            });
-        }
-        stamp
+        (Stamp { tick: self.state.clock.tick(), seq }, changed)
+    }
+
+    /// Wakes who waits for a publication.
+    fn announce(&self, stamp: Stamp) {
+        self.session.published.send_modify(|publication| {
+            *publication = Publication { number: publication.number + 1, tick: stamp.tick };
+        });
     }
 
     /// Makes the mirror what it was when what is restored was saved.
@@ -159,8 +163,15 @@ impl Simulation {
         }
     }
 
-    /// Answers everybody who waited for this frame.
-    fn answer(&mut self, orders: Orders, outcome: WorkOutcome, stamp: Stamp, stored: Duration) {
+    /// Answers everybody who waited for this frame. Returns what streams are told of it.
+    fn answer(
+        &mut self,
+        orders: Orders,
+        outcome: WorkOutcome,
+        stamp: Stamp,
+        stored: Duration,
+    ) -> Vec<Happening> {
+        let mut happened = Vec::new();
         for reply in orders.replies {
             // A failed send means that nobody waits any more, which is theirs to decide.
             match reply {
@@ -171,9 +182,7 @@ impl Simulation {
                 Reply::Change { told, edit, once, answer } => {
                     let found = outcome.edits.get(edit).copied().unwrap_or_default();
                     let applied = self.applied(&told, found, stamp);
-                    if let Some(event) = self.event(&told, &applied, stamp) {
-                        self.tell(event);
-                    }
+                    happened.extend(self.happening(&told, &applied, stamp));
                     if let Some(once) = once {
                         self.log.answered(Done::applied(&once, &applied, stored));
                     }
@@ -203,39 +212,42 @@ impl Simulation {
         for answer in orders.snapshots {
             answer.give(Ok(self.snapshot(stamp, all.clone())));
         }
+        happened
     }
 
-    /// What streams are told of a change; those of objects show by themselves.
-    fn event(&self, told: &Told, applied: &Applied, stamp: Stamp) -> Option<Event> {
-        Some(match (told, applied) {
-            (_, &Applied::Snowfall(SnowfallReply { fallen_mass, refused_mass, .. })) => {
-                Event::Snowfall { stamp, fallen_mass, refused_mass }
+    /// What streams are told of a change, where it is one of the weather or of the settings.
+    fn happening(&self, told: &Told, applied: &Applied, stamp: Stamp) -> Option<Happening> {
+        match (told, applied) {
+            (Told::Snowfall { columns, .. }, Applied::Snowfall(reply)) => {
+                let SnowfallReply { fallen_mass, refused_mass, .. } = *reply;
+                let event = Event::Snowfall { stamp, fallen_mass, refused_mass };
+                Some(Happening { event, columns: Some(*columns) })
             }
-            (_, &Applied::Clearing(ClearingReply { cleared_mass, .. })) => {
-                Event::Clearing { stamp, cleared_mass }
+            (Told::Clearing { columns }, Applied::Clearing(reply)) => {
+                let event = Event::Clearing { stamp, cleared_mass: reply.cleared_mass };
+                Some(Happening { event, columns: Some(*columns) })
             }
             (Told::AirTemperature | Told::Settings, _) => {
-                Event::Settings { stamp, settings: self.state.settings }
+                Some(Event::Settings { stamp, settings: self.state.settings }.into())
             }
-            (Told::Ground, _) => Event::Terrain {
-                stamp,
-                lowest: self.ground().lowest(),
-                highest: self.ground().highest(),
-            },
-            _ => return None,
-        })
+            (Told::Ground, _) => {
+                let (lowest, highest) = (self.ground().lowest(), self.ground().highest());
+                Some(Event::Terrain { stamp, lowest, highest }.into())
+            }
+            _ => None,
+        }
     }
 
     /// What is answered to a change, of whose last edit the device `found` something.
     fn applied(&self, told: &Told, found: u64, stamp: Stamp) -> Applied {
         let grid = &self.session.spec.grid;
-        match *told {
-            Told::Snowfall { fallen, refused } => Applied::Snowfall(SnowfallReply {
+        match told {
+            Told::Snowfall { fallen, refused, .. } => Applied::Snowfall(SnowfallReply {
                 stamp,
-                fallen_mass: grid.kilograms(fallen),
+                fallen_mass: grid.kilograms(*fallen),
                 refused_mass: grid.kilograms(refused + u128::from(found)),
             }),
-            Told::Clearing => Applied::Clearing(ClearingReply {
+            Told::Clearing { .. } => Applied::Clearing(ClearingReply {
                 stamp,
                 cleared_mass: grid.kilograms(found.into()),
             }),
@@ -243,13 +255,16 @@ impl Simulation {
                 stamp,
                 celsius: self.state.settings.air_temperature,
             }),
-            Told::Collider { ref id, created } => {
+            Told::Collider { id, created } => {
                 let mirror = self.session.mirror();
                 let place = mirror.colliders.binary_search_by(|view| (*view.id).cmp(id));
                 match place {
                     Ok(i) => {
                         let collider = mirror.colliders[i].clone();
-                        Applied::Collider { reply: ColliderReply { stamp, collider }, created }
+                        Applied::Collider {
+                            reply: ColliderReply { stamp, collider },
+                            created: *created,
+                        }
                     }
                     // Removed again before the frame: there is nothing left to describe.
                     Err(_) => Applied::Stamp(stamp),
@@ -259,9 +274,12 @@ impl Simulation {
         }
     }
 
-    fn tell(&self, event: Event) {
-        // Fails where nobody listens.
-        let _ = self.session.events.send(event);
+    /// Tells streams what has happened in the frame.
+    fn tell(&self, happened: Vec<Happening>) {
+        if !happened.is_empty() {
+            // Fails where nobody listens.
+            let _ = self.session.events.send(happened.into());
+        }
     }
 }
 

@@ -1,5 +1,5 @@
 use firn_protocol::stream::Command;
-use firn_protocol::{ColumnRegion, Resume};
+use firn_protocol::{ColumnRegion, EventKind, Events, Resume};
 use firn_snow::{Position, Shape};
 
 use super::*;
@@ -26,14 +26,22 @@ fn a_subscription_takes_every_field() {
     let request = Request::parse(
         r#"{"op":"subscribe","id":-1,"stride":4,"max_rate":0.5,"quantum":0.01,
             "region":{"column_x":-8,"column_z":16,"width":9,"depth":1},"colliders":true,
+            "events":["clearing","settled"],"watch":[{"id":"a","above":0.5},{"id":"b",
+            "region":{"column_x":-8,"column_z":16,"width":9,"depth":1},"below":0}],
             "resume":{"epoch":"e","seq":7}}"#,
     );
+    let region = Some(ColumnRegion { column_x: -8, column_z: 16, width: 9, depth: 1 });
     let expected = Subscribe {
-        region: Some(ColumnRegion { column_x: -8, column_z: 16, width: 9, depth: 1 }),
+        region,
         stride: 4,
         max_rate: 0.5,
         quantum: 0.01,
         colliders: true,
+        events: Some(Events::from_iter([EventKind::Settled, EventKind::Clearing])),
+        watch: vec![
+            DepthWatch { id: "a".to_owned(), above: Some(0.5), ..DepthWatch::default() },
+            DepthWatch { id: "b".to_owned(), region, below: Some(0.0), ..DepthWatch::default() },
+        ],
         resume: Some(Resume { epoch: "e".to_owned(), seq: 7 }),
     };
     assert_eq!(request, Ok(Request::Control(Control::Subscribe(-1, expected))));
@@ -134,7 +142,9 @@ fn every_command_of_a_client_is_read() {
     let resume = Some(Resume { epoch: "e".to_owned(), seq: 7 });
     let wish = Subscribe { stride: 2, colliders: true, resume, ..Subscribe::default() };
     let region = Some(ColumnRegion { column_x: -1, column_z: 0, width: 8, depth: 9 });
-    let (update, snowfall) = (Update { region }, Snowfall::new(0.5));
+    let watch = Some(vec![DepthWatch { id: "a".to_owned(), region, ..DepthWatch::default() }]);
+    let update = Update { region, events: Some(Events::none()), watch };
+    let snowfall = Snowfall::new(0.5);
     let (clearing, air) = (Clearing { depth: 0.1, region: None }, AirTemperature { celsius: -5.0 });
     let settings = SettingsPatch { paused: Some(true), ..SettingsPatch::default() };
     let batch = ColliderBatch { put: vec![collider.clone()], delete: vec!["old".to_owned()] };
@@ -145,7 +155,10 @@ fn every_command_of_a_client_is_read() {
             Command::Subscribe { id: 1, wish: wish.clone() },
             Request::Control(Control::Subscribe(1, wish)),
         ),
-        (Command::Update { id: 1, update }, Request::Control(Control::Update(1, update))),
+        (
+            Command::Update { id: 1, update: update.clone() },
+            Request::Control(Control::Update(1, update)),
+        ),
         (Command::Unsubscribe { id: 1 }, Request::Control(Control::Unsubscribe(1))),
         (Command::Ping { id: None }, Request::Control(Control::Ping(None))),
         (Command::Ping { id: Some(1) }, Request::Control(Control::Ping(Some(1)))),
@@ -165,5 +178,34 @@ fn every_command_of_a_client_is_read() {
     ] {
         let text = serde_json::to_string(&command).unwrap();
         assert_eq!(Request::parse(&text), Ok(read), "{text}");
+    }
+}
+
+#[test]
+fn events_are_true_false_or_known_kinds() {
+    let detail = |text: &str| match Request::parse(text) {
+        Err(Refusal { problem, .. }) => {
+            assert_eq!(problem.status, 422);
+            (problem.errors[0].pointer.clone(), problem.errors[0].detail.clone())
+        }
+        Ok(request) => panic!("{request:?}"),
+    };
+    let (pointer, told) = detail(r#"{"op":"subscribe","id":1,"events":["settled","thaw"]}"#);
+    assert_eq!(pointer, "/events/1");
+    let kinds = "`snowfall`, `clearing`, `settings`, `settled`, `reset`";
+    assert_eq!(told, format!("unknown variant `thaw`; known are {kinds}"));
+    let (pointer, told) = detail(r#"{"op":"update","id":1,"events":"settled"}"#);
+    assert_eq!(pointer, "/events");
+    let expected = "expected true, false or an array of kinds of events";
+    assert_eq!(told, format!(r#"{expected}, found the string "settled""#));
+}
+
+#[test]
+fn a_request_names_at_most_sixteen_watches() {
+    let watches = |count: usize| vec![r#"{"id":"a","above":1}"#; count].join(",");
+    for op in ["subscribe", "update"] {
+        let request = |count| format!(r#"{{"op":"{op}","id":1,"watch":[{}]}}"#, watches(count));
+        assert!(Request::parse(&request(MOST_WATCHES)).is_ok());
+        assert_eq!(refused(&request(MOST_WATCHES + 1)), at(Some(1), 422, "/watch"));
     }
 }

@@ -218,6 +218,30 @@ class CreateSessionQuery(TypedDict):
     """Name of a session that is restored from a snapshot."""
 
 
+class DepthWatch(TypedDict):
+    """
+    A mean snow depth whose crossing is told by a `watch` event. It holds while the mean depth of the
+    region's columns is above `above`, or below `below`; one of the two is given. At the depth itself
+    it does not hold.
+    """
+
+    id: str
+    """Its name. No other watch of the subscription has it."""
+
+    region: NotRequired[ColumnRegion | None]
+    """Columns, not widened to tiles; the whole grid where there is none."""
+
+    above: NotRequired[float | None]
+    """Depth [m], at most the height of the grid."""
+
+    below: NotRequired[float | None]
+    """Depth [m], at most the height of the grid."""
+
+
+DepthWatches: TypeAlias = list[DepthWatch]
+"""Depths whose crossing is told."""
+
+
 class ErrorMessage(TypedDict):
     """A request was refused; nothing has changed."""
 
@@ -226,6 +250,16 @@ class ErrorMessage(TypedDict):
     """The request's id; null where it could not be read."""
 
     problem: Problem
+
+
+EventKind: TypeAlias = Literal["snowfall", "clearing", "settings", "settled", "reset"]
+
+
+EventsWanted: TypeAlias = bool | list[EventKind]
+"""
+Which events are wanted: all, none, or some kinds. Where it is not said: all under
+`firn.v1.json`, none under `firn.v1.bin`.
+"""
 
 
 class FieldError(TypedDict):
@@ -982,9 +1016,6 @@ class SnowfallEvent(TypedDict):
     """Mass that found no room [kg]."""
 
 
-EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | PlainEvent
-
-
 class SnowfallMessage(TypedDict):
     """Lets snow fall, as POST …/snowfalls."""
 
@@ -1196,7 +1227,8 @@ class SubscribeMessage(TypedDict):
 
     max_rate: NotRequired[float]
     """
-    Most messages per second of this subscription, on average [Hz]. A new tick may be told up
+    Most messages of heights per second of this subscription, on average [Hz], and most events of
+    each kind. A new tick may be told up
     to one message early, so that it is told when it happens; changes between ticks wait
     for their turn.
     """
@@ -1207,6 +1239,8 @@ class SubscribeMessage(TypedDict):
     colliders: NotRequired[bool]
     """Whether the colliders in the region are wanted."""
 
+    events: NotRequired[EventsWanted]
+    watch: NotRequired[DepthWatches]
     resume: NotRequired[Resume | None]
     """
     The state that the client holds: the epoch of the `welcome` under which it was told, and the seq of the
@@ -1290,12 +1324,18 @@ class UnsubscribeMessage(TypedDict):
 
 
 class UpdateMessage(TypedDict):
-    """Moves a subscription. Only tiles that came into view are sent."""
+    """Moves a subscription, and changes what else it wants. Only tiles that came into view are sent."""
 
     op: Literal["update"]
     id: Id
     region: NotRequired[ColumnRegion | None]
     """The whole grid where there is none."""
+
+    events: NotRequired[EventsWanted | None]
+    """As before where it is not said."""
+
+    watch: NotRequired[DepthWatches | None]
+    """As before where it is not said."""
 
 
 class UsageView(TypedDict):
@@ -1331,6 +1371,32 @@ class VerifyReply(TypedDict):
 
     file_bytes: int
     """Length of the file [bytes]. What it has beyond the rows is its index and unused pages."""
+
+
+class WatchEvent(TypedDict):
+    """How a watch stands, at the begin of its subscription and with each crossing."""
+
+    op: Literal["event"]
+    event: Literal["watch"]
+    tick: Tick
+    seq: Seq
+    subscription: int
+    """The subscription that has the watch."""
+
+    id: str
+    """The watch."""
+
+    holds: bool
+    """
+    Whether the mean depth is above (or below) the watch's by now: after a crossing, true where it has
+    come to hold and false where it has ceased to.
+    """
+
+    mean_depth: float
+    """Mean depth of the snow in the region [m]."""
+
+
+EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | PlainEvent | WatchEvent
 
 
 class WeakLayerView(TypedDict):

@@ -7,7 +7,7 @@ import contextlib
 import itertools
 import json
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, Literal, Self
 
@@ -17,8 +17,8 @@ from websockets.typing import Subprotocol
 
 from .codec import DecodeError, decode
 from .problem import ProblemError
-from .subscription import Subscription
-from .types import Ack, ColumnRegion, Event, Welcome
+from .subscription import Subscription, as_json
+from .types import Ack, ColumnRegion, DepthWatch, Event, EventKind, Welcome
 
 # Waiting time before a connection is tried again [s]: doubles from the first to the last.
 FIRST_WAIT, LONGEST_WAIT = 0.25, 5.0
@@ -89,12 +89,19 @@ class Stream:
         max_rate: float = 20,
         quantum: float = 0.001,
         colliders: bool = False,
+        events: bool | Sequence[EventKind] | None = None,
+        watch: Sequence[DepthWatch] = (),
     ) -> Subscription:
         """Watches a region, all columns where there is none. Returns once its heights are known.
 
-        `max_rate`: most messages per second [Hz]; `quantum`: step that heights are rounded to [m].
+        `max_rate`: most messages per second [Hz]; `quantum`: step that heights are rounded to [m]. `events`: which the
+        stream's `on_event` is called with, all of the region by default; `watch`: mean depths whose crossing it is
+        called with, at most 16.
         """
-        wish = {"region": region, "stride": stride, "max_rate": max_rate, "quantum": quantum, "colliders": colliders}
+        if events is None:
+            events = self._on_event is not None
+        wish: dict[str, Any] = {"region": region, "stride": stride, "max_rate": max_rate, "quantum": quantum}
+        wish |= {"colliders": colliders, "events": as_json(events), "watch": list(watch)}
         subscription = Subscription(next(self._ids), wish, self._tell)
         if self._ended is not None:
             raise self._ended

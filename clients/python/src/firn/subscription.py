@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .codec import HeightMessage, Tile
-from .types import Collider, ColumnRegion, Welcome
+from .types import Collider, ColumnRegion, DepthWatch, EventKind, Welcome
 
 SIDE = 8
 
@@ -71,6 +71,18 @@ class Subscription:
         self._wish["region"] = region
         self._look_at(region)
         await self._tell({"op": "update", "id": self.id, "region": region})
+
+    async def want(
+        self, *, events: bool | Sequence[EventKind] | None = None, watch: Sequence[DepthWatch] | None = None
+    ) -> None:
+        """Wants other events, or other watches; how these stand is told at once. What is None stays."""
+        changes: dict[str, Any] = {}
+        if events is not None:
+            changes["events"] = as_json(events)
+        if watch is not None:
+            changes["watch"] = list(watch)
+        self._wish |= changes
+        await self._tell({"op": "update", "id": self.id, "region": self._wish["region"], **changes})
 
     async def _first(self) -> None:
         """Waits until the heights are known."""
@@ -169,6 +181,11 @@ class Subscription:
     def _end(self, why: Exception) -> None:
         self._ended = self._ended or why
         self._turn.set()
+
+
+def as_json(events: bool | Sequence[EventKind]) -> bool | list[EventKind]:
+    """Which events are wanted, as they are sent."""
+    return events if isinstance(events, bool) else list(events)
 
 
 def _widened(first: int, count: int, columns: int) -> tuple[int, int]:

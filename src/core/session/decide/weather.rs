@@ -20,7 +20,7 @@ impl SessionState {
         let command = Command::Deposit { columns, depth, mass, celsius: celsius as f32 };
         let in_all = |mass: u64| u128::from(mass) * u128::from(columns.columns());
         let refused = in_all(Kept::of(depth, mass, grid).refused);
-        let told = Told::Snowfall { fallen: in_all(mass), refused };
+        let told = Told::Snowfall { fallen: in_all(mass), refused, columns };
         Ok(Decision { command, told })
     }
 
@@ -38,7 +38,10 @@ impl SessionState {
         let columns = columns_in(clearing.region.as_ref(), grid, &mut check);
         check.finish()?;
         let depth = grid.thickness_quanta(clearing.depth) as u32;
-        Ok(Decision { command: Command::Clear { columns, depth }, told: Told::Clearing })
+        Ok(Decision {
+            command: Command::Clear { columns, depth },
+            told: Told::Clearing { columns },
+        })
     }
 
     pub(crate) fn decide_air_temperature(
