@@ -50,6 +50,7 @@ enum Stage {
     Free,
     Loaded,
     Gather,
+    Columns,
     Over,
 }
 
@@ -150,6 +151,7 @@ impl Job {
             self.outcome.last_change = part.done + outcome.last_change;
         }
         self.outcome.gathered.extend(outcome.gathered);
+        self.outcome.columns.extend(outcome.columns);
         if part.unfinished {
             let (slot, units) = (outcome.slot, part.units);
             return WorkOutcome { slot, units, unfinished: true, ..WorkOutcome::default() };
@@ -160,6 +162,7 @@ impl Job {
             edits: std::mem::take(&mut self.outcome.edits),
             last_change: self.outcome.last_change,
             gathered,
+            columns: std::mem::take(&mut self.outcome.columns),
             ..outcome
         }
     }
