@@ -7,7 +7,9 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
-use firn_snow::{Cell, Column, ColumnRect, Contact, Footprint, Grid, Material, Sample, TILE_COLUMNS};
+use firn_snow::{
+    Cell, Column, ColumnRect, Contact, Footprint, Grid, Material, Sample, TILE_COLUMNS,
+};
 
 use crate::reserve::try_filled;
 

@@ -3,15 +3,16 @@
 //! saved of a frame is of one moment.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
-use firn_engine::frame::SampleBox;
-use firn_protocol::{MassView, StepSpec};
+use firn_engine::frame::{ColumnRead, SampleBox};
+use firn_protocol::{MassView, SampleBatch, StepSpec};
 use firn_snow::ColumnRect;
 
 use crate::core::record::Once;
 use crate::core::session::{
-    Answer, Applied, Change, Command, Decision, Disturbed, Gathered, MOST_CHANGES, MOST_SAMPLES,
-    Receipted, Reply, Sampled, SessionError, Simulation,
+    Answer, Applied, Change, Command, Decision, Disturbed, Gather, Gathered, MOST_CHANGES,
+    MOST_SAMPLES, Receipted, Reply, Sampled, SessionError, Simulation,
 };
 use crate::core::snapshot::Snapshot;
 
@@ -24,7 +25,7 @@ pub(crate) enum Request {
     Step { number: u64, step: StepSpec, reply: Answer<Receipted<()>> },
     Reset { saved: Option<Box<Snapshot>>, reply: Answer<Receipted<()>> },
     Snapshot { reply: Answer<Snapshot> },
-    Gather { tiles: Vec<u32>, reply: Answer<Gathered> },
+    Gather { columns: Vec<ColumnRead>, surface: Option<Arc<SampleBatch>>, reply: Answer<Gathered> },
     Sample { columns: ColumnRect, y0: u32, height: u32, reply: Answer<Sampled> },
     Mass { reply: Answer<MassView> },
     Inspect { look: Look, reply: Answer<()> },
@@ -120,7 +121,12 @@ impl Simulation {
             Request::Snapshot { .. } => !self.answered_first,
             Request::Sample { columns, height, .. } => {
                 let cells = columns.columns() * u64::from(*height);
-                self.next.sampled_cells() + cells <= MOST_SAMPLES
+                self.next.read_cells() + cells <= MOST_SAMPLES
+            }
+            Request::Gather { columns, .. } => {
+                let cells = columns.iter().map(ColumnRead::cells).sum::<u64>();
+                let waiting = self.next.read_cells();
+                waiting == 0 || waiting + cells <= MOST_SAMPLES
             }
             _ => self.next.changes < MOST_CHANGES,
         };
@@ -135,7 +141,9 @@ impl Simulation {
             Request::Step { number, step, reply } => self.begin_step(number, &step, reply),
             Request::Reset { saved, reply } => self.begin_reset(saved.as_deref(), reply),
             Request::Snapshot { reply } => self.next.snapshots.push(reply),
-            Request::Gather { tiles, reply } => self.next.gathers.push((tiles, reply)),
+            Request::Gather { columns, surface, reply } => {
+                self.next.gathers.push(Gather { columns, surface, reply });
+            }
             Request::Sample { columns, y0, height, reply } => {
                 let dt = self.cycle_length();
                 self.next.samples.push((SampleBox { columns, y0, height, dt }, reply));

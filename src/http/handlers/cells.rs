@@ -253,7 +253,7 @@ pub async fn get(
     let bytes_per_cell = BYTES_PER_CELL + BYTES_PER_VALUE * query.fields.len() as u64;
     let leave = app.answers.admit_found(&session, cells * bytes_per_cell).await?;
     carry_on(async move {
-        let Sampled { stamp, cells } = session.sample(columns, y0, height).await?;
+        let Sampled { stamp, cells } = session.sample_grid(columns, y0, height).await?;
         let answer = move || {
             let view = CellsView {
                 stamp,

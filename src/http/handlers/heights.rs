@@ -15,6 +15,7 @@ use crate::http::accept;
 use crate::http::docs::{Held, ParameterProblems, SessionPath, SessionProblems};
 use crate::http::etag;
 use crate::http::extract::{FromQuery, Query};
+use crate::http::npy;
 use crate::http::query::Params;
 use crate::http::state::App;
 use crate::http::target::Target;
@@ -27,7 +28,7 @@ use super::{json, stamp_headers};
 const JSON: &str = "application/json";
 const FLOATS: &str = "application/octet-stream";
 const PNG: &str = "image/png";
-const NPY: &str = "application/x-npy";
+const NPY: &str = npy::MEDIA_TYPE;
 
 /// What heights exist as; the first is the default.
 const MEDIA_TYPES: [&str; 4] = [JSON, FLOATS, PNG, NPY];

@@ -141,7 +141,7 @@ async fn read(
         let snow = Snow::from_depths(spec, region, depths, &mirror.colliders);
         return Ok((mirror.stamp_at(session.frame()), snow));
     }
-    let sampled = session.sample(region, 0, session.sampled_height()).await?;
+    let sampled = session.sample_grid(region, 0, session.sampled_height()).await?;
     let colliders = session.mirror().colliders.clone();
     Ok((sampled.stamp, Snow::from_cells(spec, region, sampled.cells, &colliders)))
 }
