@@ -9,6 +9,7 @@ use crate::support::Server;
 on_each_backend!(
     probes_foretell_how_deep_colliders_sink,
     a_probe_leaves_other_objects_and_the_snow_alone,
+    a_probe_of_a_duration_foretells_what_a_collider_does_in_it,
     snow_carries_up_to_its_hardness,
     bad_probes_are_refused_by_name,
 );
@@ -76,6 +77,39 @@ async fn probes_foretell_how_deep_colliders_sink(backend: BackendChoice) {
     server.stop().await;
 }
 
+async fn a_probe_of_a_duration_foretells_what_a_collider_does_in_it(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    for settled_before in [true, false] {
+        for duration in [0.0, 0.5, 4.0] {
+            let session = server.create(layered()).await;
+            if settled_before {
+                settle(&server, &session).await;
+            }
+            let load = |(x, z, side, mass): (f64, f64, f64, f64)| json!({"x": x, "z": z, "mass": mass, "area": side * side, "duration": duration});
+            let foretold = probe(&server, &session, json!(PLATES.map(load))).await;
+            let put = PLATES.map(|(x, z, side, mass)| {
+                json!({"id": format!("{x}_{z}").replace('.', "-"), "mass": mass,
+                       "position": {"x": x, "z": z},
+                       "shape": {"type": "box", "width": side, "depth": side}})
+            });
+            let batch = format!("{session}/colliders:batch");
+            server.post(&batch, json!({ "put": put })).await.expect(200);
+            if duration > 0.0 {
+                // Ticks of 0.25 s.
+                server.step(&session, (duration / 0.25) as u64).await;
+            }
+            for (foretold, put) in foretold["probes"].as_array().expect("a list").iter().zip(&put) {
+                let path = format!("{session}/colliders/{}", put["id"].as_str().unwrap());
+                let collider = server.get(&path).await.expect(200);
+                let (foretold, reached) = (sink_depth(foretold), sink_depth(&collider));
+                assert!((foretold - reached).abs() < 0.005, "{put}: {foretold} is not {reached} m");
+                assert_eq!(reached > 0.001, duration > 0.0, "{put}: {reached} m");
+            }
+        }
+    }
+    server.stop().await;
+}
+
 async fn a_probe_leaves_other_objects_and_the_snow_alone(backend: BackendChoice) {
     let server = Server::start(backend).await;
     let session = server.create(layered()).await;
@@ -138,6 +172,8 @@ async fn bad_probes_are_refused_by_name(backend: BackendChoice) {
         ("area", json!(1e13)),
         ("area", json!("wide")),
         ("area", json!(null)),
+        ("duration", json!(-1)),
+        ("duration", json!(3601)),
         ("depth", json!(1)),
     ] {
         assert_eq!(pointers(with(field, value)).await, [format!("/probes/3/{field}")]);

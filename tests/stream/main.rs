@@ -6,6 +6,7 @@ mod client;
 mod faults;
 mod heights;
 mod limits;
+mod reads;
 mod rust;
 #[path = "../support/mod.rs"]
 mod support;

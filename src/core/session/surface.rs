@@ -56,7 +56,7 @@ impl<'a> Surface<'a> {
         let along_x = self.between(x, z, |x, z| self.slope(x, grid.width, |x| (x, z)));
         let along_z = self.between(x, z, |x, z| self.slope(z, grid.depth, |z| (x, z)));
         let length = (along_x * along_x + 1.0 + along_z * along_z).sqrt();
-        [-along_x / length, 1.0 / length, -along_z / length]
+        [(0.0 - along_x) / length, 1.0 / length, (0.0 - along_z) / length]
     }
 
     /// What the surface says of a batch's fields at its points.

@@ -1,5 +1,5 @@
 use firn_protocol::stream::Command;
-use firn_protocol::{ColumnRegion, Resume};
+use firn_protocol::{ColumnRegion, Probe, Resume, SampleField};
 use firn_snow::{Position, Shape};
 
 use super::*;
@@ -140,7 +140,12 @@ fn every_command_of_a_client_is_read() {
     let batch = ColliderBatch { put: vec![collider.clone()], delete: vec!["old".to_owned()] };
     let change = |change, at| Request::Change { id: 1, change, at };
     let delete = Change::DeleteCollider { id: "sledge".to_owned() };
-    for (command, read) in [
+    let read = |read| Request::Read { id: 1, read };
+    let probe = Probe { x: 1.0, z: 2.0, mass: 80.0, area: 0.1, duration: Some(0.4) };
+    let probes = ProbeBatch { probes: vec![probe] };
+    let fields = vec![SampleField::Depth, SampleField::Sink];
+    let samples = SampleBatch { points: vec![[1.0, 2.0]], fields, load: Some(probe.load()) };
+    for (command, request) in [
         (
             Command::Subscribe { id: 1, wish: wish.clone() },
             Request::Control(Control::Subscribe(1, wish)),
@@ -162,8 +167,10 @@ fn every_command_of_a_client_is_read() {
             change(delete, "/collider"),
         ),
         (Command::Colliders { id: 1, batch: batch.clone() }, change(Change::Colliders(batch), "")),
+        (Command::Probes { id: 1, batch: probes.clone() }, read(Read::Probes(probes))),
+        (Command::Samples { id: 1, batch: samples.clone() }, read(Read::Samples(samples))),
     ] {
         let text = serde_json::to_string(&command).unwrap();
-        assert_eq!(Request::parse(&text), Ok(read), "{text}");
+        assert_eq!(Request::parse(&text), Ok(request), "{text}");
     }
 }
