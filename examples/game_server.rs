@@ -129,7 +129,7 @@ struct Way {
 
 impl Way {
     fn probe(&self) -> Probe {
-        Probe { x: self.x, z: self.z, mass: MASS, area: PI * RADIUS * RADIUS }
+        Probe { x: self.x, z: self.z, mass: MASS, area: PI * RADIUS * RADIUS, duration: None }
     }
 }
 

@@ -171,6 +171,25 @@ struct PackedGroup {
     first: u32,
 }
 
+// Columns that are read, all of them equally deep.
+struct ColumnJob {
+    // Where the first of the columns stands in the table of lists.
+    first_column: u32,
+    columns: u32,
+    // Cells of each that are read at the most, counted from the top.
+    cells: u32,
+    // Where the first of these cells is put.
+    first: u32,
+}
+
+// A cell of a column that is read. Its mass is 0 where the column has no more.
+struct ColumnCell {
+    mass: u32,
+    thickness: u32,
+    temperature: f32,
+    stress: f32,
+}
+
 // A box of the fixed grid that is asked for.
 struct SampleJob {
     session: u32,

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use firn_engine::frame::TileCells;
 use firn_protocol::{SessionSpec, SettingsPatch};
+use firn_snow::Column;
 
 use crate::session::Session;
 
@@ -79,11 +79,11 @@ fn live(
 ) -> Result<Vec<Measured>, BenchError> {
     let count = sessions.len() as u32;
     let tiles = count * sessions[0].spec.grid.tiles();
-    let before = cells(host, &sessions[0])?;
+    let before = columns(host, &sessions[0])?;
     let watched = host.watch(Case::Crowd.name(), WARM_UP + samples, |frame| {
         frame.sessions == count && (frame.published_tiles == 0 || frame.published_tiles == tiles)
     })?;
-    let after = cells(host, &sessions[0])?;
+    let after = columns(host, &sessions[0])?;
     let (published, unpublished): (Vec<_>, Vec<_>) =
         watched[WARM_UP..].iter().partition(|frame| frame.published_tiles > 0);
     let mut cases = Vec::new();
@@ -98,19 +98,18 @@ fn live(
     Ok(cases)
 }
 
-/// All cells of a session.
-fn cells(host: &Host, session: &Arc<Session>) -> Result<Vec<TileCells>, BenchError> {
-    let tiles = (0..session.spec.grid.tiles()).collect();
-    Ok(host.runtime.block_on(session.cells(tiles))?)
+/// All columns of a session.
+fn columns(host: &Host, session: &Session) -> Result<Vec<Column>, BenchError> {
+    Ok(host.runtime.block_on(session.columns())?)
 }
 
 /// Cells with snow, and those of them that are thinner than they were.
-fn moved(before: &[TileCells], after: &[TileCells]) -> (u64, u64) {
+fn moved(before: &[Column], after: &[Column]) -> (u64, u64) {
     let (mut cells, mut moving) = (0, 0);
     for (before, after) in before.iter().zip(after) {
-        cells += after.mass.iter().filter(|&&mass| mass > 0).count() as u64;
-        let pairs = before.thickness.iter().zip(&after.thickness);
-        moving += pairs.filter(|(before, after)| after < before).count() as u64;
+        cells += after.cells.len() as u64;
+        let pairs = before.cells.iter().zip(&after.cells);
+        moving += pairs.filter(|(before, after)| after.thickness < before.thickness).count() as u64;
     }
     (cells, moving)
 }

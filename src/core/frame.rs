@@ -175,13 +175,13 @@ fn wait(part: &mut Vec<&mut Simulation>, turn: Turn) -> Waiting {
     Waiting { over_share, for_others }
 }
 
-/// Takes those out for whose cells of the fixed grid the frame has no room. Who comes first is another one
+/// Takes those out for whose cells, of the fixed grid or of columns, the frame has no room. Who comes first is another one
 /// in each frame.
 fn wait_for_room(part: &mut Vec<&mut Simulation>, turn: Turn) {
     take_out(part, turn, |part| {
         let all = (0..).zip(part);
         let mut wanted: Vec<(usize, u64)> = all
-            .map(|(place, simulation)| (place, simulation.sampled_cells()))
+            .map(|(place, simulation)| (place, simulation.read_cells()))
             .filter(|(_, cells)| *cells > 0)
             .collect();
         let first = turn.frame as usize % wanted.len().max(1);

@@ -22,7 +22,7 @@ use tokio::time::timeout;
 use crate::budget::{Budget, Reservation};
 use crate::limit::Limit;
 use crate::problem::Problem;
-use crate::session::Session;
+use crate::session::{Reading, Session};
 use crate::threads::Pool;
 
 use super::state::App;
@@ -98,6 +98,35 @@ impl Answers {
         Ok(Leave { finding: Some(finding), ..self.admit(bytes).await? })
     }
 
+    /// Finds what is to be read of the snow and makes an answer of it, off the threads that serve everybody, to the
+    /// end also where its client goes away. The leave is kept until the answer has been taken.
+    ///
+    /// # Errors
+    /// As [`Answers::admit`], those of the session and those of `make`.
+    pub async fn read<T, A>(
+        &self,
+        reading: Reading<T>,
+        make: impl FnOnce(T) -> Result<A, Problem> + Send + 'static,
+    ) -> Result<(A, Leave), Problem>
+    where
+        T: Send + 'static,
+        A: Send + 'static,
+    {
+        let bytes = reading.bytes();
+        let mut leave = match bytes {
+            ..=SMALL => self.admit(bytes).await?,
+            _ => self.admit_found(reading.session(), bytes).await?,
+        };
+        let answers = self.clone();
+        carry_on(async move {
+            let found = reading.find().await?;
+            leave.finding = None;
+            let made = answers.threads.run(move || make(found.finish())).await;
+            Ok((made.ok_or_else(failed)??, leave))
+        })
+        .await
+    }
+
     /// Counts the memory of an answer that was made without leave.
     async fn count(&self, response: Response) -> Response {
         let bytes = response.body().size_hint().lower();
@@ -115,11 +144,14 @@ impl Answers {
 ///
 /// # Errors
 /// Those of `work`; 500 where it panics.
-pub async fn carry_on(
-    work: impl Future<Output = Result<Response, Problem>> + Send + 'static,
-) -> Result<Response, Problem> {
-    let failed = || Problem::internal("making the answer failed");
+pub async fn carry_on<T: Send + 'static>(
+    work: impl Future<Output = Result<T, Problem>> + Send + 'static,
+) -> Result<T, Problem> {
     tokio::spawn(work).await.unwrap_or_else(|_| Err(failed()))
+}
+
+fn failed() -> Problem {
+    Problem::internal("making the answer failed")
 }
 
 impl Leave {
@@ -148,8 +180,7 @@ impl Leave {
         let memory = self.memory;
         // They stay with the work, which goes on where the client goes away.
         let made = self.answers.threads.run(move || (work(), turn, memory)).await;
-        let (response, turn, memory) =
-            made.ok_or_else(|| Problem::internal("making the answer failed"))?;
+        let (response, turn, memory) = made.ok_or_else(failed)?;
         drop(turn);
         Ok(hold(response?, memory).await)
     }

@@ -8,6 +8,7 @@ mod etag;
 mod extract;
 pub(crate) mod gate;
 pub(crate) mod handlers;
+mod npy;
 pub(crate) mod observe;
 mod page;
 mod query;
@@ -18,6 +19,7 @@ mod state;
 mod target;
 pub(crate) mod viewer;
 
+pub use answers::Leave;
 pub use extract::{FromQuery, Query, Segments};
 pub use gate::{Admitted, Caller, Gate, Peer, Unfinished, Visitor, admit, bearer, reload};
 pub use query::Params;

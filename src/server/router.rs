@@ -21,7 +21,8 @@ use crate::http::bodies::read_whole;
 use crate::http::gate::{check_host, check_origin, guard};
 use crate::http::handlers::{
     self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
-    probes, profile, render, sessions, snapshots, snowfalls, store, terrain, tokens, unlock, usage,
+    probes, profile, render, samples, sessions, snapshots, snowfalls, store, terrain, tokens,
+    unlock, usage,
 };
 use crate::http::observe::observe;
 use crate::http::repeat::answer_once;
@@ -92,6 +93,7 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(snapshots::get))
         .routes(routes!(snapshots::digest))
         .routes(routes!(probes::create))
+        .routes(routes!(samples::create))
         .routes(routes!(health::livez))
         .routes(routes!(health::readyz))
         .routes(routes!(handlers::metrics::get))

@@ -2,8 +2,8 @@
 
 use std::sync::atomic::Ordering;
 
-use firn_engine::frame::TileCells;
 use firn_protocol::{ColumnView, MassView, SessionView, StepSpec};
+use firn_snow::{Column, TILE_COLUMNS};
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
 
@@ -98,8 +98,8 @@ impl Session {
             return Err(SessionError::NotFound { kind: "column", id: format!("{x}/{z}") });
         }
         let (tile, column) = grid.locate(x, z);
-        let gathered = self.gather(vec![tile]).await?;
-        Ok(gather::column_view(&gathered, column, &grid))
+        let gathered = self.gather(&[tile * TILE_COLUMNS + column]).await?;
+        Ok(gather::column_view(&gathered, &grid))
     }
 
     /// The mass ledger, with the mass present summed over all cells.
@@ -110,19 +110,20 @@ impl Session {
         self.ask(|reply| Request::Mass { reply }).await
     }
 
-    /// All cells of some tiles, of one tick.
+    /// All columns, tile by tile, of one tick.
     ///
     /// # Errors
     /// [`SessionError::Unavailable`].
-    pub async fn cells(&self, tiles: Vec<u32>) -> Result<Vec<TileCells>, SessionError> {
-        Ok(self.gather(tiles).await?.tiles)
+    pub async fn columns(&self) -> Result<Vec<Column>, SessionError> {
+        let all: Vec<u32> = (0..self.spec.grid.tiles() * TILE_COLUMNS).collect();
+        Ok(self.gather(&all).await?.columns)
     }
 
     /// Cells of the fixed grid.
     ///
     /// # Errors
     /// [`SessionError::Invalid`] where they are more than [`gather::MOST_SAMPLES`].
-    pub async fn sample(&self, wanted: CellBox) -> Result<Sampled, SessionError> {
+    pub async fn sample_grid(&self, wanted: CellBox) -> Result<Sampled, SessionError> {
         let cells = wanted.cells();
         if cells > gather::MOST_SAMPLES {
             let detail = format!("{cells} cells; at most {} at a time", gather::MOST_SAMPLES);
@@ -171,9 +172,11 @@ impl Session {
         receive.await.map_err(|_| stopped())
     }
 
-    pub(crate) async fn gather(&self, tiles: Vec<u32>) -> Result<gather::Gathered, SessionError> {
-        let bytes = std::mem::size_of_val(&tiles[..]);
-        self.ask_with(bytes, |reply| Request::Gather { tiles, reply }).await
+    /// All cells of some columns, each as tile · 64 + column.
+    async fn gather(&self, columns: &[u32]) -> Result<gather::Gathered, SessionError> {
+        let bytes = std::mem::size_of_val(columns);
+        let columns = gather::reads(columns, self.spec.grid.height);
+        self.ask_with(bytes, |reply| Request::Gather { columns, surface: None, reply }).await
     }
 
     async fn ask<T>(&self, request: impl FnOnce(Answer<T>) -> Request) -> Result<T, SessionError> {
@@ -203,7 +206,7 @@ impl Session {
         durable.map(|()| answer)
     }
 
-    async fn ask_in<T>(
+    pub(super) async fn ask_in<T>(
         &self,
         place: Place,
         request: impl FnOnce(Answer<T>) -> Request,

@@ -100,6 +100,22 @@ pub fn outcome(id: i64, at: &str, result: Result<Applied, SessionError>) -> Stri
     }
 }
 
+/// The message that answers a request which reads the snow, with the reply that REST gives.
+///
+/// # Errors
+/// Where it can't be written; none is known.
+pub fn found(id: i64, reply: &impl Serialize) -> Result<String, Problem> {
+    #[derive(Serialize)]
+    struct Found<'a, T> {
+        op: &'static str,
+        id: i64,
+        #[serde(flatten)]
+        reply: &'a T,
+    }
+    serde_json::to_string(&Found { op: "ack", id, reply })
+        .map_err(|error| Problem::internal(format!("the answer can't be written: {error}")))
+}
+
 /// The message that answers a refused request.
 pub fn refusal(id: Option<i64>, error: impl Into<Problem>) -> String {
     Answer::Error { id, problem: &error.into() }.encode()

@@ -39,7 +39,7 @@ use crate::session::Visit;
 use tiles::LARGEST_PART;
 
 pub use cache::EncodedTiles;
-pub use request::{Control, Refusal, Request};
+pub use request::{Control, Read, Refusal, Request};
 pub use subscription::{Copied, Source, Subscription};
 
 /// Largest message of a client \[bytes\].

@@ -16,13 +16,13 @@ use tokio::sync::mpsc;
 use tokio::task::unconstrained;
 use tokio::time::{Instant, sleep_until};
 
-use crate::http::Unfinished;
+use crate::http::{Leave, Unfinished};
 use crate::problem::Problem;
 use crate::session::{Applied, Change, SessionError};
 
 use super::answer;
 use super::cause::cause_of;
-use super::request::{Control, Request};
+use super::request::{Control, Read, Request};
 
 /// Requests of one client that may be under way. Beyond them nothing more is read from it.
 pub const PIPELINE: usize = 1024;
@@ -35,6 +35,8 @@ pub const SILENCE: Duration = Duration::from_secs(60);
 pub enum Next {
     /// Sends a text.
     Text(String),
+    /// Sends what was read, whose memory is counted until then.
+    Read(String, Leave),
     /// Carries out a request about the stream itself.
     Control(Control),
 }
@@ -57,7 +59,7 @@ impl Next {
     /// Memory that it takes while it waits.
     fn bytes(&self) -> usize {
         match self {
-            Next::Text(text) => text.len(),
+            Next::Text(text) | Next::Read(text, _) => text.len(),
             Next::Control(_) => size_of::<Next>(),
         }
     }
@@ -72,17 +74,20 @@ enum Pending<'a> {
 
 /// Reads a client's messages until the stream ends.
 ///
-/// `apply` carries out changes; those of one client are begun in the order of their messages.
-pub async fn receive<S, A, F>(
+/// `apply` carries out changes; those of one client are begun in the order of their messages. `read` reads
+/// the snow for a request of a number.
+pub async fn receive<S, A, F, R, G>(
     mut messages: S,
     answers: mpsc::Sender<Next>,
-    apply: A,
+    (apply, read): (A, R),
     bounds: Bounds<'_>,
 ) -> Cause
 where
     S: Stream<Item = Result<Message, axum::Error>> + Unpin,
     A: Fn(Change) -> F,
     F: Future<Output = Result<Applied, SessionError>> + Send,
+    R: Fn(i64, Read) -> G,
+    G: Future<Output = Next> + Send,
 {
     let mut pending = FuturesOrdered::new();
     let mut ready: VecDeque<Next> = VecDeque::new();
@@ -111,7 +116,9 @@ where
                     Some(Err(error)) => return cause_of(error),
                     Some(Ok(Message::Close(_))) => return Cause::Done,
                     Some(Ok(Message::Ping(_) | Message::Pong(_))) => continue,
-                    Some(Ok(Message::Text(text))) => begin(Request::parse(&text), &apply).await,
+                    Some(Ok(Message::Text(text))) => {
+                        begin(Request::parse(&text), &apply, &read).await
+                    }
                     Some(Ok(Message::Binary(_))) => refuse_binary(),
                 };
                 if let Pending::Made(next) = &begun {
@@ -149,16 +156,20 @@ async fn finish(pending: Pending<'_>) -> (Next, bool) {
 }
 
 /// Begins what a message asks for.
-async fn begin<'a, A, F>(
+async fn begin<'a, A, F, R, G>(
     request: Result<Request, super::request::Refusal>,
     apply: &A,
+    read: &R,
 ) -> Pending<'a>
 where
     A: Fn(Change) -> F,
     F: Future<Output = Result<Applied, SessionError>> + Send + 'a,
+    R: Fn(i64, Read) -> G,
+    G: Future<Output = Next> + Send + 'a,
 {
     match request {
         Ok(Request::Control(control)) => Pending::Made(Next::Control(control)),
+        Ok(Request::Read { id, read: wanted }) => Pending::Later(Box::pin(read(id, wanted))),
         Ok(Request::Change { id, change, at }) => {
             let applied = apply(change);
             // Polled once here, it is in the session's queue before the next message is read. The

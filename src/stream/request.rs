@@ -1,8 +1,8 @@
 //! What clients send: JSON text, read into requests. No I/O.
 
 use firn_protocol::{
-    AirTemperature, Clearing, ColliderBatch, ColliderSpec, DepthWatch, MOST_WATCHES, SettingsPatch,
-    Snowfall, Subscribe, Update,
+    AirTemperature, Clearing, ColliderBatch, ColliderSpec, DepthWatch, MOST_WATCHES, ProbeBatch,
+    SampleBatch, SettingsPatch, Snowfall, Subscribe, Update,
 };
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -14,7 +14,7 @@ use crate::session::Change;
 
 /// Every `op` that a client can send.
 const OPS: &str = "subscribe, update, unsubscribe, ping, snowfall, clearing, air_temperature, set, \
-                   collider.put, collider.delete, colliders.batch";
+                   collider.put, collider.delete, colliders.batch, probes, samples";
 
 /// What a client asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +30,22 @@ pub enum Request {
         /// JSON pointer to the part of the message that holds the change.
         at: &'static str,
     },
+    /// Something to be read of the snow.
+    Read {
+        /// The client's number for it.
+        id: i64,
+        /// What.
+        read: Read,
+    },
+}
+
+/// Something to be read of the snow.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Read {
+    /// How deep loads would sink.
+    Probes(ProbeBatch),
+    /// The snow at some points.
+    Samples(SampleBatch),
 }
 
 /// A request about the stream itself.
@@ -116,6 +132,7 @@ fn read(op: &str, id: Option<i64>, fields: Map<String, Value>) -> Result<Request
         })
     };
     let change = |change, at| Ok(Request::Change { id: numbered()?, change, at });
+    let reading = |read| Ok(Request::Read { id: numbered()?, read });
     let control = match op {
         "subscribe" => {
             let wish: Subscribe = body(fields)?;
@@ -145,6 +162,8 @@ fn read(op: &str, id: Option<i64>, fields: Map<String, Value>) -> Result<Request
             let delete: DeleteCollider = body(fields)?;
             return change(Change::DeleteCollider { id: delete.collider }, "/collider");
         }
+        "probes" => return reading(Read::Probes(body(fields)?)),
+        "samples" => return reading(Read::Samples(body(fields)?)),
         "colliders.batch" => return change(Change::Colliders(body::<ColliderBatch>(fields)?), ""),
         other => {
             let detail = format!("{} is no op; known are {OPS}", quote(other));

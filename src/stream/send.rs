@@ -92,6 +92,7 @@ where
         let said = tokio::select! {
             next = answers.recv() => match next {
                 Some(Next::Text(text)) => speaker.say(text).await,
+                Some(Next::Read(text, _leave)) => speaker.say(text).await,
                 Some(Next::Control(control)) => speaker.control(control).await,
                 None => Err(Cause::Broken),
             },

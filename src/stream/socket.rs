@@ -7,17 +7,20 @@ use axum::extract::ws::{Message, WebSocket};
 use firn_protocol::stream::{Cause, SubProtocol};
 use futures_util::stream::StreamExt;
 use governor::{Quota, RateLimiter};
+use serde::Serialize;
 use tokio::sync::mpsc;
 use tokio::time::{sleep, timeout};
 use tracing::debug;
 
 use crate::config::Scope;
 use crate::http::{App, Caller, Unfinished};
-use crate::session::{Session, SessionError};
+use crate::session::{Reading, Session, SessionError};
 
 use super::Client;
+use super::answer;
 use super::cause;
-use super::receive::{Bounds, receive};
+use super::receive::{Bounds, Next, receive};
+use super::request::Read;
 use super::send::{Manner, send};
 
 /// Answers that wait for being written; those beyond them wait in the receiving half.
@@ -47,6 +50,12 @@ async fn converse(
         }
         session.change(change).await
     };
+    let read = |id, read| async move {
+        match read {
+            Read::Probes(batch) => tell(id, session.probe(batch), app).await,
+            Read::Samples(batch) => tell(id, session.sample(batch), app).await,
+        }
+    };
     let writing = AtomicBool::new(false);
     let rate = RateLimiter::direct(Quota::per_second(limits.stream_commands_per_second));
     let unfinished = client.unfinished.as_deref();
@@ -56,11 +65,27 @@ async fn converse(
     let unsent = &app.answers.unsent;
     let manner = Manner { protocol, patience, writing: &writing, carried, unsent };
     tokio::select! {
-        cause = receive(&mut messages, answers, apply, bounds) => cause,
+        cause = receive(&mut messages, answers, (apply, read), bounds) => cause,
         cause = send(&mut sink, session, next, manner) => cause,
         () = app.draining.cancelled() => Cause::Draining,
         () = session.gone().cancelled() => Cause::Deleted,
         () = disowned(session, caller, app) => Cause::BadToken,
+    }
+}
+
+/// The answer to a request of a number that reads the snow.
+async fn tell<T: Serialize + Send + 'static>(
+    id: i64,
+    reading: Result<Reading<T>, SessionError>,
+    app: &App,
+) -> Next {
+    let told = match reading {
+        Ok(reading) => app.answers.read(reading, move |reply| answer::found(id, &reply)).await,
+        Err(error) => Err(error.into()),
+    };
+    match told {
+        Ok((text, leave)) => Next::Read(text, leave),
+        Err(problem) => Next::Text(answer::refusal(Some(id), problem)),
     }
 }
 

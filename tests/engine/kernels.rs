@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
-use firn_engine::frame::{Backend, Contents, Edit, Outcome, Run, SampleBox, Work};
+use firn_engine::frame::{Backend, ColumnRead, Contents, Edit, Outcome, Run, SampleBox, Work};
 use firn_engine::published::TileColumns;
-use firn_snow::{CELL, Elevation, Floor, Grid, HardnessLaw, LoadDistribution, Material, Shape};
+use firn_snow::{
+    CELL, Cell, Column, Elevation, Floor, Grid, HardnessLaw, LoadDistribution, Material, Shape,
+};
 
 use crate::support::*;
 
@@ -44,6 +46,50 @@ fn snow_falls_and_is_cleared_as_in_the_reference() {
             let close = ours.edits.iter().zip(&theirs.edits).all(|(a, b)| a.abs_diff(*b) <= 4096);
             assert!(close, "round {round}: {:?} {:?}", ours.edits, theirs.edits);
         }
+    }
+}
+
+#[test]
+fn columns_are_read_as_in_the_reference() {
+    let Some(mut gpu) = gpu(false) else { return };
+    let mut cpu = cpu();
+    let mut dice = Dice::new(12);
+    for (slot, grid) in (0..).zip(grids()) {
+        let edits: Vec<Edit> = (0..9)
+            .map(|_| {
+                let depth = grid.cell_size * dice.range(0.5, 0.1 * f64::from(grid.height) + 1.0);
+                snow(&grid, dice.rect(&grid), depth, dice.range(15.0, 60.0), -5.0)
+            })
+            .collect();
+        let count = grid.tiles() * 64;
+        let all = ColumnRead { columns: (0..count).collect(), cells: grid.height };
+        let some = |dice: &mut Dice| (0..37).map(|_| dice.below(count)).collect::<Vec<u32>>();
+        let tops = ColumnRead { columns: some(&mut dice), cells: 1 };
+        let upper = ColumnRead { columns: some(&mut dice), cells: 2.min(grid.height) };
+        let reads = vec![tops, all, upper];
+        let mut told: Vec<Vec<Vec<Column>>> = Vec::new();
+        for backend in [&mut gpu as &mut dyn Backend, &mut cpu] {
+            backend.create(slot, &level(grid, Material::default())).unwrap();
+            let wanted = Work { slot, columns: reads.clone(), ..Work::default() };
+            let outcome = work(backend, Work { edits: edits.clone(), ..wanted.clone() });
+            let tiles = cells(backend, slot, &grid);
+            for (read, columns) in reads.iter().zip(&outcome.columns) {
+                assert_eq!(read.columns.len(), columns.len());
+                for (&index, column) in read.columns.iter().zip(columns) {
+                    let whole: Vec<Cell> = tiles[index as usize / 64].column(index % 64).collect();
+                    let first = whole.len().saturating_sub(read.cells as usize);
+                    assert_eq!(column.cells, whole[first..], "column {index}");
+                }
+            }
+            assert_eq!(work(backend, wanted).columns, outcome.columns, "nothing has changed");
+            told.push(outcome.columns);
+        }
+        let snow = |columns: &[Vec<Column>]| -> Vec<(u32, u32)> {
+            let cells = columns.iter().flatten().flat_map(|column| &column.cells);
+            cells.map(|cell| (cell.mass, cell.thickness)).collect()
+        };
+        assert!(told[0].iter().flatten().any(|column| column.cells.len() > 1));
+        assert_eq!(snow(&told[0]), snow(&told[1]), "{grid:?}");
     }
 }
 

@@ -151,6 +151,8 @@ fn host_and_shaders_agree_on_every_struct() {
     compare_layout!(module, Operation { columns, snow, kind, result, padding });
     compare_layout!(module, PackedGroup { changed_low, changed_high, first });
     compare_layout!(module, OperationResult { low, high });
+    compare_layout!(module, ColumnJob { first_column, columns, cells, first });
+    compare_layout!(module, ColumnCell { mass, thickness, temperature, stress });
     compare_layout!(
         module,
         SampleJob { session, first, x0, y0, z0, width, height, depth, rate, floor }

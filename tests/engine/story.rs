@@ -4,9 +4,9 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use firn_engine::frame::{
-    Backend, Contents, Edit, Placement, Run, SampleBox, TileCells, Work, WorkOutcome,
+    Backend, ColumnRead, Contents, Edit, Placement, Run, SampleBox, TileCells, Work, WorkOutcome,
 };
-use firn_snow::{Contact, Elevation, Floor, Grid, Material, Sample, Shape};
+use firn_snow::{Column, Contact, Elevation, Floor, Grid, Material, Sample, Shape};
 
 use crate::support::*;
 
@@ -53,6 +53,7 @@ pub struct Told {
     pub mass: u64,
     pub contacts: Vec<(Arc<str>, Contact)>,
     pub gathered: Vec<TileCells>,
+    pub columns: Vec<Vec<Column>>,
     pub samples: Vec<Vec<Sample>>,
 }
 
@@ -153,6 +154,7 @@ pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> St
             publish: true,
             tally: true,
             gather: (0..GRID.tiles()).collect(),
+            columns: vec![ColumnRead { columns: vec![70, 3, 70, 190], cells: 2 }, all_columns()],
             samples: vec![SampleBox { columns: dice.rect(&GRID), floor, y0: 2, height: 9, dt }],
             ..Work::default()
         };
@@ -170,11 +172,16 @@ pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> St
             mass: outcome.mass,
             contacts: outcome.contacts,
             gathered: outcome.gathered,
+            columns: outcome.columns,
             samples: outcome.samples,
         });
     }
     story.cells = cells(backend, 0, &GRID);
     story
+}
+
+fn all_columns() -> ColumnRead {
+    ColumnRead { columns: (0..GRID.tiles() * 64).collect(), cells: GRID.height }
 }
 
 fn save(outcome: &WorkOutcome, standing: &Standing) -> Saved {

@@ -89,6 +89,7 @@ async fn each_token_allows_what_it_is_for() {
         (Method::GET, url("/snapshot"), Value::Null),
         (Method::GET, url("/colliders"), Value::Null),
         (Method::POST, url("/probes"), probes),
+        (Method::POST, url("/samples"), json!({"points": [[1, 0.7]]})),
     ];
     let changes = [
         (Method::POST, url("/snowfalls"), json!({"depth": 0.1})),

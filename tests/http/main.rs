@@ -15,6 +15,7 @@ mod probes;
 mod profile;
 mod render;
 mod repeat;
+mod samples;
 mod server;
 mod sessions;
 mod snapshots;

@@ -4,11 +4,12 @@ use firn::config::BackendChoice;
 use serde_json::{Value, json};
 
 use crate::on_each_backend;
-use crate::support::Server;
+use crate::support::{Server, numbers};
 
 on_each_backend!(
     probes_foretell_how_deep_colliders_sink,
     a_probe_leaves_other_objects_and_the_snow_alone,
+    a_probe_of_a_duration_foretells_what_a_collider_does_in_it,
     snow_carries_up_to_its_hardness,
     bad_probes_are_refused_by_name,
 );
@@ -41,6 +42,14 @@ fn sink_depth(view: &Value) -> f64 {
     view["sink_depth"].as_f64().expect("a number")
 }
 
+/// Snow depths where the plates stand.
+async fn depths(server: &Server, session: &str) -> Vec<f64> {
+    let points = PLATES.map(|(x, z, ..)| [x, z]);
+    let body = json!({"points": points, "fields": ["depth"]});
+    let told = server.post(&format!("{session}/samples"), body).await.expect(200);
+    numbers(&told["fields"]["depth"])
+}
+
 /// Plates far enough apart to share no column: side and mass.
 const PLATES: [(f64, f64, f64, f64); 4] =
     [(0.7, 0.7, 1.2, 1500.0), (3.1, 0.7, 0.4, 30.0), (0.7, 3.1, 0.1, 80.0), (3.1, 3.1, 1.0, 5.0)];
@@ -71,6 +80,39 @@ async fn probes_foretell_how_deep_colliders_sink(backend: BackendChoice) {
             // The promise is 1 % or 3 mm.
             assert!((foretold - reached).abs() < 1e-4, "plate {i}: {foretold} is not {reached} m");
             assert!(reached > 0.002, "plate {i} sinks");
+        }
+    }
+    server.stop().await;
+}
+
+async fn a_probe_of_a_duration_foretells_what_a_collider_does_in_it(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    for settled_before in [true, false] {
+        for duration in [0.0, 0.5, 4.0] {
+            let session = server.create(layered()).await;
+            if settled_before {
+                settle(&server, &session).await;
+            }
+            let load = |(x, z, side, mass): (f64, f64, f64, f64)| json!({"x": x, "z": z, "mass": mass, "area": side * side, "duration": duration});
+            let foretold = probe(&server, &session, json!(PLATES.map(load))).await;
+            let before = depths(&server, &session).await;
+            let put = PLATES.map(|(x, z, side, mass)| {
+                json!({"mass": mass, "id": format!("{}", x + 10.0 * z).replace('.', "-"),
+                       "position": {"x": x, "z": z},
+                       "shape": {"type": "box", "width": side, "depth": side}})
+            });
+            let batch = format!("{session}/colliders:batch");
+            server.post(&batch, json!({ "put": put })).await.expect(200);
+            if duration > 0.0 {
+                // Ticks of 0.25 s.
+                server.step(&session, (duration / 0.25) as u64).await;
+            }
+            let after = depths(&server, &session).await;
+            for (i, foretold) in foretold["probes"].as_array().expect("a list").iter().enumerate() {
+                let (foretold, reached) = (sink_depth(foretold), before[i] - after[i]);
+                assert!((foretold - reached).abs() < 1e-4, "{i}: {foretold} is not {reached} m");
+                assert_eq!(reached > 0.0, duration > 0.0, "{i}: {reached} m");
+            }
         }
     }
     server.stop().await;
@@ -138,6 +180,8 @@ async fn bad_probes_are_refused_by_name(backend: BackendChoice) {
         ("area", json!(1e13)),
         ("area", json!("wide")),
         ("area", json!(null)),
+        ("duration", json!(-1)),
+        ("duration", json!(3601)),
         ("depth", json!(1)),
     ] {
         assert_eq!(pointers(with(field, value)).await, [format!("/probes/3/{field}")]);

@@ -91,6 +91,7 @@ async fn each_scope_allows_what_it_is_for() {
         (Method::HEAD, url("/heights"), Value::Null),
         (Method::GET, url("/snapshot"), Value::Null),
         (Method::POST, url("/probes"), probes),
+        (Method::POST, url("/samples"), json!({"points": [[1, 0.7]]})),
         (Method::GET, "/v1/sessions".to_owned(), Value::Null),
     ];
     let changes = [

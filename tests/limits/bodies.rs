@@ -27,7 +27,7 @@ async fn server(request_timeout: Duration) -> Server {
 async fn every_body_has_to_arrive_in_time() {
     let server = server(Duration::from_millis(200)).await;
     let path = server.create(small()).await;
-    let routes = ["step", "snowfalls", "reset", "tokens", "colliders:batch", "probes"];
+    let routes = ["step", "snowfalls", "reset", "tokens", "colliders:batch", "probes", "samples"];
     for call in
         routes.map(|route| format!("{path}/{route}")).into_iter().chain(["/v1/sessions".into()])
     {
@@ -41,7 +41,7 @@ async fn every_body_has_to_arrive_in_time() {
             "{call}: {said}"
         );
     }
-    assert_eq!(reached(&server, "request-timeout").await, 7);
+    assert_eq!(reached(&server, "request-timeout").await, 8);
     server.stop().await;
 }
 

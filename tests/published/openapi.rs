@@ -76,6 +76,7 @@ fn it_lists_every_call() {
         "get /snapshot",
         "get /digest",
         "post /probes",
+        "post /samples",
         "get /stream",
     ] {
         let (method, path) = call.split_once(' ').expect("a method and a path");

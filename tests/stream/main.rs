@@ -7,6 +7,7 @@ mod events;
 mod faults;
 mod heights;
 mod limits;
+mod reads;
 mod rust;
 #[path = "../support/mod.rs"]
 mod support;

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use firn_snow::{
-    Cell, ColumnRect, Contact, Floor, Footprint, Grid, Material, Sample, TILE_COLUMNS,
+    Cell, Column, ColumnRect, Contact, Floor, Footprint, Grid, Material, Sample, TILE_COLUMNS,
 };
 
 use crate::reserve::try_filled;
@@ -70,6 +70,8 @@ pub struct Work {
     pub tally: bool,
     /// Tiles whose cells are to be read back after the cycles.
     pub gather: Vec<u32>,
+    /// Columns of which cells are to be read back after the cycles.
+    pub columns: Vec<ColumnRead>,
     /// Boxes of the fixed grid that are to be sampled after the cycles.
     pub samples: Vec<SampleBox>,
     /// Goes on with work that an earlier frame has left. All of that is known: but for this, `publish` and
@@ -85,6 +87,27 @@ impl Work {
     /// What goes on with work of which something is left.
     pub fn resume(slot: Slot, publish: bool, limit: Option<u64>) -> Work {
         Work { slot, publish, resume: true, limit, ..Work::default() }
+    }
+
+    /// Whether cells are read, with their stresses.
+    pub fn reads_cells(&self) -> bool {
+        !self.gather.is_empty() || !self.columns.is_empty() || !self.samples.is_empty()
+    }
+}
+
+/// Columns that are to be read, all of them equally deep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColumnRead {
+    /// The columns, each as tile · 64 + column in the tile.
+    pub columns: Vec<u32>,
+    /// Cells of each that are read at the most, counted from the top; at least 1.
+    pub cells: u32,
+}
+
+impl ColumnRead {
+    /// Cells that are read at the most.
+    pub fn cells(&self) -> u64 {
+        self.columns.len() as u64 * u64::from(self.cells)
     }
 }
 
@@ -218,6 +241,8 @@ pub struct WorkOutcome {
     pub contacts: Vec<(Arc<str>, Contact)>,
     /// Cells of the tiles in `gather`, in its order.
     pub gathered: Vec<TileCells>,
+    /// The topmost cells of the columns in `columns`, read by read in its order.
+    pub columns: Vec<Vec<Column>>,
     /// The boxes in `samples`, in its order: x fastest, then y, then z.
     pub samples: Vec<Vec<Sample>>,
 }

@@ -22,6 +22,7 @@ mod events;
 pub mod heights;
 mod probes;
 mod problem;
+mod samples;
 mod session;
 mod snow;
 mod store;
@@ -34,8 +35,9 @@ pub use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Position, Sha
 
 pub use colliders::{ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView};
 pub use events::{Event, EventKind, Events};
-pub use probes::{Probe, ProbeBatch, ProbeReply, ProbeView};
+pub use probes::{Load, Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use problem::{FieldError, Problem};
+pub use samples::{SampleBatch, SampleField, SampleFields, SampleReply};
 pub use session::{
     CreatedSession, SessionSpec, SessionView, Settings, SettingsPatch, SnowLayer, Stamp, State,
     StepSpec, Summary, Terrain,

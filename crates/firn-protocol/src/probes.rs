@@ -31,6 +31,34 @@ pub struct Probe {
     /// Area it stands on \[m²\].
     #[cfg_attr(feature = "schema", schema(minimum = 1e-6, maximum = 1e12))]
     pub area: f64,
+    /// Simulated time that it stands there \[s\]; until the snow has come to rest where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 3600))]
+    pub duration: Option<f64>,
+}
+
+impl Probe {
+    /// The load without its place.
+    pub fn load(&self) -> Load {
+        Load { mass: self.mass, area: self.area, duration: self.duration }
+    }
+}
+
+/// A load that is tried somewhere.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Load {
+    /// Mass \[kg\].
+    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1e9))]
+    pub mass: f64,
+    /// Area it stands on \[m²\].
+    #[cfg_attr(feature = "schema", schema(minimum = 1e-6, maximum = 1e12))]
+    pub area: f64,
+    /// Simulated time that it stands there \[s\]; until the snow has come to rest where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 3600))]
+    pub duration: Option<f64>,
 }
 
 /// Answer to probes.
@@ -48,8 +76,8 @@ pub struct ProbeReply {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ProbeView {
-    /// Present height of the column less its height once it has come to rest under the load, other
-    /// objects left out \[m\]. What the snow still settles by itself is counted.
+    /// Present height of the column less its height under the load, after its duration or once it has
+    /// come to rest, other objects left out \[m\]. What the snow still settles by itself is counted.
     pub sink_depth: f64,
     /// Hardness of the snow at the surface \[Pa\]; 0 where there is none.
     pub surface_hardness: f64,

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use crate::{
-    AirTemperature, Clearing, ColliderBatch, ColliderSpec, SettingsPatch, Snowfall, Subscribe,
-    Update,
+    AirTemperature, Clearing, ColliderBatch, ColliderSpec, ProbeBatch, SampleBatch, SettingsPatch,
+    Snowfall, Subscribe, Update,
 };
 
 /// A sub-protocol: how heights are written.
@@ -200,6 +200,22 @@ pub enum Command {
         /// Which.
         #[serde(flatten)]
         batch: ColliderBatch,
+    },
+    /// Asks how deep loads would sink.
+    Probes {
+        /// A number for the answer.
+        id: i64,
+        /// Which.
+        #[serde(flatten)]
+        batch: ProbeBatch,
+    },
+    /// Reads the snow at some points.
+    Samples {
+        /// A number for the answer.
+        id: i64,
+        /// Which.
+        #[serde(flatten)]
+        batch: SampleBatch,
     },
 }
 

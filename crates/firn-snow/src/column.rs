@@ -3,6 +3,7 @@
 //! Masses and thicknesses are integers, so that sums are exact; what happens in a cell in one cycle
 //! is computed in f32, as on the GPU.
 
+mod creep;
 mod equilibrium;
 
 use super::grid::{CELL, Grid};

@@ -1,19 +1,56 @@
 //! Views made of the cells themselves, read back from the device on demand.
 
-use firn_engine::frame::TileCells;
-use firn_protocol::{ColumnView, LayerView, MassView, Reference, Stamp};
-use firn_snow::{CELL, ColumnRect, Grid, MASS_QUANTA, Material, Sample};
+use firn_engine::frame::ColumnRead;
+use firn_protocol::{ColumnView, LayerView, MassView, Reference, SampleBatch, SampleFields, Stamp};
+use firn_snow::{CELL, Cell, Column, ColumnRect, Grid, MASS_QUANTA, Material, Sample};
 use serde::{Deserialize, Serialize};
 
-/// Cells of some tiles, and when they were as they are here.
+use crate::core::session::{Outlet, Surface};
+
+/// Cells of some columns, and when they were as they are here.
 #[derive(Clone, Debug)]
 pub struct Gathered {
     /// When.
     pub stamp: Stamp,
     /// Material constants then.
     pub material: Material,
-    /// The tiles, in the order asked for.
-    pub tiles: Vec<TileCells>,
+    /// Length of the cycles then \[s\]; `None` where time stands still.
+    pub cycle: Option<f64>,
+    /// The columns, in the order asked for.
+    pub columns: Vec<Column>,
+    /// The surface at the points asked for.
+    pub surface: SampleFields,
+}
+
+impl Outlet {
+    /// Columns that were read, and the surface at the points of a batch as the mirror has it. Where nothing is said of
+    /// when, it is now.
+    pub(crate) fn gathered(
+        &self,
+        stamp: Option<Stamp>,
+        columns: Vec<Column>,
+        batch: Option<&SampleBatch>,
+    ) -> Gathered {
+        let mirror = self.mirror();
+        let surface = Surface::new(&mirror, self.spec.terrain.as_ref());
+        Gathered {
+            stamp: stamp.unwrap_or_else(|| mirror.stamp_at(self.frame())),
+            material: mirror.material,
+            cycle: mirror.clock.steady_cycle(),
+            columns,
+            surface: batch.map(|batch| surface.sample(batch)).unwrap_or_default(),
+        }
+    }
+}
+
+/// Cells of columns that are read at once, about.
+const CELLS_OF_A_READ: usize = 1 << 16;
+
+/// Reads of the topmost cells of some columns, each as tile · 64 + column.
+pub(crate) fn reads(columns: &[u32], cells: u32) -> Vec<ColumnRead> {
+    let at_once = (CELLS_OF_A_READ / cells.max(1) as usize).max(1);
+    let read = |columns: &[u32]| ColumnRead { columns: columns.to_vec(), cells };
+    columns.chunks(at_once).map(read).collect()
 }
 
 /// Most cells of the fixed grid that are sampled at a time.
@@ -80,15 +117,20 @@ impl Ledger {
     }
 }
 
-/// A column of the first tile gathered.
-pub(crate) fn column_view(gathered: &Gathered, column: u32, grid: &Grid) -> ColumnView {
+/// Density of a cell \[kg/m³\].
+pub(crate) fn density(cell: &Cell, grid: &Grid) -> f64 {
+    f64::from(cell.mass) / MASS_QUANTA * f64::from(CELL)
+        / (f64::from(cell.thickness) * grid.cell_size)
+}
+
+/// The first column gathered.
+pub(crate) fn column_view(gathered: &Gathered, grid: &Grid) -> ColumnView {
     let area = grid.column_area();
     let mut bottom = 0u64;
     let mut mass = 0u128;
     let mut layers = Vec::new();
-    for cell in gathered.tiles.iter().flat_map(|tile| tile.column(column)) {
-        let density = f64::from(cell.mass) / MASS_QUANTA * f64::from(CELL)
-            / (f64::from(cell.thickness) * grid.cell_size);
+    for cell in gathered.columns.first().map_or(&[][..], |column| &column.cells) {
+        let density = density(cell, grid);
         layers.push(LayerView {
             bottom: grid.metres(bottom),
             thickness: grid.metres(u64::from(cell.thickness)),

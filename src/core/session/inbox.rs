@@ -3,12 +3,14 @@
 //! saved of a frame is of one moment.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
-use firn_protocol::{MassView, StepSpec};
+use firn_engine::frame::ColumnRead;
+use firn_protocol::{MassView, SampleBatch, StepSpec};
 
 use crate::core::record::Once;
 use crate::core::session::{
-    Answer, Applied, CellBox, Change, Command, Decision, Disturbed, Gathered, MOST_CHANGES,
+    Answer, Applied, CellBox, Change, Command, Decision, Disturbed, Gather, Gathered, MOST_CHANGES,
     MOST_SAMPLES, Receipted, Reply, Sampled, SessionError, Simulation,
 };
 use crate::core::snapshot::Snapshot;
@@ -22,7 +24,7 @@ pub(crate) enum Request {
     Step { number: u64, step: StepSpec, reply: Answer<Receipted<()>> },
     Reset { saved: Option<Box<Snapshot>>, reply: Answer<Receipted<()>> },
     Snapshot { reply: Answer<Snapshot> },
-    Gather { tiles: Vec<u32>, reply: Answer<Gathered> },
+    Gather { columns: Vec<ColumnRead>, surface: Option<Arc<SampleBatch>>, reply: Answer<Gathered> },
     Sample { wanted: CellBox, reply: Answer<Sampled> },
     Mass { reply: Answer<MassView> },
     Inspect { look: Look, reply: Answer<()> },
@@ -117,7 +119,12 @@ impl Simulation {
             // The ticks that it has put off come first.
             Request::Snapshot { .. } => !self.answered_first,
             Request::Sample { wanted, .. } => {
-                self.next.sampled_cells() + wanted.cells() <= MOST_SAMPLES
+                self.next.read_cells() + wanted.cells() <= MOST_SAMPLES
+            }
+            Request::Gather { columns, .. } => {
+                let cells = columns.iter().map(ColumnRead::cells).sum::<u64>();
+                let waiting = self.next.read_cells();
+                waiting == 0 || waiting + cells <= MOST_SAMPLES
             }
             _ => self.next.changes < MOST_CHANGES,
         };
@@ -132,7 +139,9 @@ impl Simulation {
             Request::Step { number, step, reply } => self.begin_step(number, &step, reply),
             Request::Reset { saved, reply } => self.begin_reset(saved.as_deref(), reply),
             Request::Snapshot { reply } => self.next.snapshots.push(reply),
-            Request::Gather { tiles, reply } => self.next.gathers.push((tiles, reply)),
+            Request::Gather { columns, surface, reply } => {
+                self.next.gathers.push(Gather { columns, surface, reply });
+            }
             Request::Sample { wanted, reply } => {
                 self.next.samples.push((self.sample_box(&wanted), reply));
             }

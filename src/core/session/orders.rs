@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use firn_engine::frame::{Edit, SampleBox};
-use firn_protocol::MassView;
+use firn_engine::frame::{ColumnRead, Edit, SampleBox};
+use firn_protocol::{MassView, SampleBatch};
 use firn_snow::ColumnRect;
 
 use crate::core::record::Once;
@@ -25,8 +25,8 @@ pub(crate) struct Orders {
     pub changes: usize,
     pub wake: bool,
     pub replies: Vec<Reply>,
-    /// Columns and tiles wanted.
-    pub gathers: Vec<(Vec<u32>, Answer<Gathered>)>,
+    /// Columns wanted.
+    pub gathers: Vec<Gather>,
     pub tallies: Vec<Answer<MassView>>,
     /// Boxes of the fixed grid wanted.
     pub samples: Vec<(SampleBox, Answer<Sampled>)>,
@@ -38,6 +38,14 @@ pub(crate) struct Orders {
     pub changed: bool,
     /// There is a reset among it.
     pub reset: bool,
+}
+
+/// Columns that somebody wants, and the points at which the surface is wanted beside them.
+#[derive(Debug)]
+pub(crate) struct Gather {
+    pub columns: Vec<ColumnRead>,
+    pub surface: Option<Arc<SampleBatch>>,
+    pub reply: Answer<Gathered>,
 }
 
 /// An edit of which the device finds out what goes into the ledger.
@@ -99,9 +107,10 @@ impl Orders {
         !self.edits.is_empty() || self.want_answers() || self.changes >= MOST_CHANGES
     }
 
-    /// Cells of the fixed grid that are wanted.
-    pub fn sampled_cells(&self) -> u64 {
-        self.samples.iter().map(|(wanted, _)| wanted.cells()).sum()
+    /// Cells of the fixed grid and of columns that are wanted.
+    pub fn read_cells(&self) -> u64 {
+        let columns = self.gathers.iter().flat_map(|wanted| &wanted.columns).map(ColumnRead::cells);
+        self.samples.iter().map(|(wanted, _)| wanted.cells()).chain(columns).sum()
     }
 
     /// Whether a frame is to be published at once.
@@ -130,7 +139,7 @@ impl Orders {
                 Reply::Change { answer, .. } => answer.refuse(why),
             }
         }
-        self.gathers.into_iter().for_each(|(_, answer)| answer.refuse(why));
+        self.gathers.into_iter().for_each(|wanted| wanted.reply.refuse(why));
         self.tallies.into_iter().for_each(|answer| answer.refuse(why));
         self.snapshots.into_iter().for_each(|answer| answer.refuse(why));
         self.samples.into_iter().for_each(|(_, answer)| answer.refuse(why));

@@ -7,10 +7,10 @@
 
 use std::time::Duration;
 
-use firn_engine::frame::{Edit, SampleBox, Slot, Work, WorkOutcome};
+use firn_engine::frame::{ColumnRead, Edit, SampleBox, Slot, Work, WorkOutcome};
 use firn_snow::{Grid, TILE_COLUMNS};
 
-use crate::core::session::Reach;
+use crate::core::session::{MOST_SAMPLES, Reach};
 
 /// Shortest and longest time that one session's part of a frame should take: others wait no longer than
 /// two.
@@ -114,11 +114,12 @@ impl Portions {
     pub fn begin(&mut self, work: Work, cycle: u64, grid: &Grid) -> Work {
         let read = work.gather.len() + if work.tally { grid.tiles() as usize } else { 0 };
         let samples = work.samples.iter().map(SampleBox::cells).sum::<u64>();
+        let columns = work.columns.iter().map(ColumnRead::cells).sum::<u64>();
         self.expected = (work.edits.iter().map(|edit| units_of(edit, grid)))
-            .chain([cycle.saturating_mul(work.run.cycles.into()), samples])
+            .chain([cycle.saturating_mul(work.run.cycles.into()), samples, columns])
             .chain([std::mem::take(&mut self.beside)])
             .fold(read as u64 * cells_of_tile(grid), u64::saturating_add);
-        self.limited = self.part(self.expected);
+        self.limited = self.part(self.expected) || columns > MOST_SAMPLES;
         if !self.limited {
             return work;
         }

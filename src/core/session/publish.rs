@@ -12,7 +12,7 @@ use firn_snow::{Contact, Elevation, Grid, TILE_COLUMNS};
 
 use crate::core::record::{Done, Taken};
 use crate::core::session::{
-    Applied, Collider, Counted, Gathered, Happening, Mirror, Orders, Outlet, Receipted, Reply,
+    Applied, Collider, Counted, Gather, Happening, Mirror, Orders, Outlet, Receipted, Reply,
     Sampled, SessionState, Simulation, Told,
 };
 use crate::core::snapshot::Snapshot;
@@ -198,12 +198,12 @@ impl Simulation {
         for ((_, answer), cells) in orders.samples.into_iter().zip(outcome.samples) {
             answer.give(Ok(Sampled { stamp, cells }));
         }
-        let mut gathered = outcome.gathered.into_iter();
-        for (wanted, answer) in orders.gathers {
-            let tiles = gathered.by_ref().take(wanted.len()).collect();
-            answer.give(Ok(Gathered { stamp, material: self.state.material, tiles }));
+        let mut columns = outcome.columns.into_iter();
+        for Gather { columns: wanted, surface, reply } in orders.gathers {
+            let read = columns.by_ref().take(wanted.len()).flatten().collect();
+            reply.give(Ok(self.session.gathered(Some(stamp), read, surface.as_deref())));
         }
-        let all = Arc::new(gathered.collect::<Vec<_>>());
+        let all = Arc::new(outcome.gathered);
         if orders.checkpoint {
             let snapshot = self.snapshot(stamp, all.clone());
             let versions = self.session.mirror().versions().to_vec();

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use firn_engine::frame::{Run, Work};
 
-use crate::core::session::{Advance, Flight, Goal, Orders, Reply, Simulation};
+use crate::core::session::{Advance, Flight, Goal, MOST_SAMPLES, Orders, Reply, Simulation};
 
 /// Cycles that are taken at once where they change nothing, and none of them is carried out.
 const CYCLES_AT_REST: u32 = 1 << 24;
@@ -89,6 +89,7 @@ impl Simulation {
             publish,
             tally: !orders.tallies.is_empty(),
             samples: orders.samples.iter().map(|(wanted, _)| *wanted).collect(),
+            columns: orders.gathers.iter().flat_map(|wanted| wanted.columns.clone()).collect(),
             gather: self.gather(&orders),
             ..Work::default()
         };
@@ -97,10 +98,11 @@ impl Simulation {
         Some(self.portions.begin(work, self.units_of_cycle(), &self.session.spec.grid))
     }
 
-    /// Cells of the fixed grid that it wants of a frame.
-    pub(crate) fn sampled_cells(&self) -> u64 {
+    /// Cells of the fixed grid and of columns that it wants of a frame. More columns than a frame has room for are read
+    /// in parts.
+    pub(crate) fn read_cells(&self) -> u64 {
         let orders = if self.portions.are_under_way() { &self.flight.orders } else { &self.next };
-        orders.sampled_cells()
+        orders.read_cells().min(MOST_SAMPLES)
     }
 
     /// Whether it has something to do in a frame.
@@ -145,11 +147,10 @@ impl Simulation {
         self.frame = frame;
     }
 
-    /// Tiles that are wanted: those of each request, and all of them for snapshots.
+    /// Tiles that are wanted: all of them for snapshots.
     fn gather(&self, orders: &Orders) -> Vec<u32> {
         let wanted = orders.checkpoint || !orders.snapshots.is_empty();
-        let all = if wanted { self.session.spec.grid.tiles() } else { 0 };
-        orders.gathers.iter().flat_map(|(tiles, _)| tiles.iter().copied()).chain(0..all).collect()
+        (0..if wanted { self.session.spec.grid.tiles() } else { 0 }).collect()
     }
 
     /// Takes the ticks that a frame has for this session: none where a checkpoint is made of it, so

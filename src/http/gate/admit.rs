@@ -30,7 +30,7 @@ use super::rates::whole_seconds;
 const GUARDED: &str = "/v1/";
 
 /// Calls that only read although they are a POST.
-const READS_BY_POST: [&str; 1] = ["/v1/sessions/{id}/probes"];
+const READS_BY_POST: [&str; 2] = ["/v1/sessions/{id}/probes", "/v1/sessions/{id}/samples"];
 
 /// Calls that are an administrator's.
 const ADMINISTERS: [&str; 4] =

@@ -260,7 +260,7 @@ pub async fn get(
     let bytes_per_cell = BYTES_PER_CELL + BYTES_PER_VALUE * query.fields.len() as u64;
     let leave = app.answers.admit_found(&session, wanted.cells() * bytes_per_cell).await?;
     carry_on(async move {
-        let Sampled { stamp, cells } = session.sample(wanted).await?;
+        let Sampled { stamp, cells } = session.sample_grid(wanted).await?;
         let answer = move || {
             let CellBox { columns, y0, height, .. } = wanted;
             let view = CellsView {

@@ -2,7 +2,6 @@
 
 use axum::Json as Answer;
 use firn_protocol::Stamp;
-use firn_snow::Grid;
 use serde::Serialize;
 use utoipa::{IntoParams, ToSchema};
 
@@ -11,7 +10,7 @@ use crate::http::extract::{FromQuery, Query};
 use crate::http::query::Params;
 use crate::http::target::Target;
 use crate::problem::{FieldError, Problem};
-use crate::session::Mirror;
+use crate::session::Surface;
 
 /// A point in metres.
 #[derive(Debug, IntoParams)]
@@ -76,21 +75,6 @@ pub async fn get(
     }
     let mirror = session.mirror();
     let stamp = mirror.stamp_at(session.frame());
-    Ok(Answer(HeightView { stamp, height: interpolate(&mirror, &grid, &point) }))
-}
-
-fn interpolate(mirror: &Mirror, grid: &Grid, point: &PointQuery) -> f64 {
-    let neighbours = |metres: f64, columns: u32| {
-        let last = columns - 1;
-        let at = (metres / grid.cell_size - 0.5).clamp(0.0, f64::from(last));
-        let low = at.floor() as u32;
-        (low, (low + 1).min(last), at - at.floor())
-    };
-    let (x0, x1, along_x) = neighbours(point.x, grid.width);
-    let (z0, z1, along_z) = neighbours(point.z, grid.depth);
-    let height = |x, z| grid.metres(u64::from(mirror.height(x, z)));
-    let between = |a: f64, b: f64, part: f64| a + (b - a) * part;
-    let near = between(height(x0, z0), height(x1, z0), along_x);
-    let far = between(height(x0, z1), height(x1, z1), along_x);
-    between(near, far, along_z)
+    let surface = Surface::new(&mirror, None);
+    Ok(Answer(HeightView { stamp, height: surface.depth(point.x, point.z) }))
 }

@@ -16,6 +16,7 @@ use crate::http::accept;
 use crate::http::docs::{Held, ParameterProblems, SessionPath, SessionProblems};
 use crate::http::etag;
 use crate::http::extract::{FromQuery, Query};
+use crate::http::npy;
 use crate::http::query::Params;
 use crate::http::state::App;
 use crate::http::target::Target;
@@ -28,7 +29,7 @@ use super::{json, stamp_headers};
 pub(super) const JSON: &str = "application/json";
 pub(super) const FLOATS: &str = "application/octet-stream";
 pub(super) const PNG: &str = "image/png";
-pub(super) const NPY: &str = "application/x-npy";
+pub(super) const NPY: &str = npy::MEDIA_TYPE;
 
 /// What heights exist as; the first is the default.
 pub(super) const MEDIA_TYPES: [&str; 4] = [JSON, FLOATS, PNG, NPY];

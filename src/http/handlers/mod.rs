@@ -13,6 +13,7 @@ pub mod metrics;
 pub mod probes;
 pub mod profile;
 pub mod render;
+pub mod samples;
 pub mod sessions;
 pub mod snapshots;
 pub mod snowfalls;
@@ -27,8 +28,9 @@ use axum::response::{IntoResponse, Response};
 use firn_protocol::Stamp;
 use serde::Serialize;
 
+use crate::http::state::App;
 use crate::problem::{FieldError, Problem};
-use crate::session::Applied;
+use crate::session::{Applied, Reading};
 
 /// The headers that date an answer: the tick, and the number of the newest published change.
 fn stamp_headers(stamp: Stamp) -> [(HeaderName, HeaderValue); 2] {
@@ -69,6 +71,17 @@ fn span(
 /// Answers a change with what it did.
 fn applied(applied: Applied) -> Response {
     axum::Json(applied).into_response()
+}
+
+/// Answers with what is made of what was read of the snow.
+async fn respond<T: Send + 'static, R: IntoResponse>(
+    app: &App,
+    reading: Reading<T>,
+    make: impl FnOnce(T) -> Result<R, Problem> + Send + 'static,
+) -> Result<Response, Problem> {
+    let respond = |found| make(found).map(IntoResponse::into_response);
+    let (response, leave) = app.answers.read(reading, respond).await?;
+    Ok(leave.take(response).await)
 }
 
 /// A body with its media type.

@@ -1,19 +1,23 @@
 //! Probes: how deep something would sink.
 
-use axum::Json as Answer;
+use axum::extract::State;
+use axum::response::Response;
 use firn_protocol::{ProbeBatch, ProbeReply};
 
 use crate::http::docs::{BodyProblems, SessionPath, SessionProblems};
 use crate::http::extract::Json;
+use crate::http::state::App;
 use crate::http::target::Target;
 use crate::problem::Problem;
 
+use super::{json, respond};
+
 /// Probe the snow
 ///
-/// Says how deep loads would sink by the time the snow has come to rest, each as if it were the
-/// only one. Nothing is put on the snow. Loads heavy enough to press snow past its equilibrium in
-/// one cycle depend on the length of the cycles; the session's present `time_scale` and
-/// `tick_rate` count.
+/// Says how deep loads would sink, each as if it were the only one: by the time the snow has come to
+/// rest, or in a `duration` of simulated time. Nothing is put on the snow. Loads heavy enough to press
+/// snow past its equilibrium in one cycle depend on the length of the cycles; the session's present
+/// `time_scale` and `tick_rate` count. Durations of one request may take 2²⁰ cycles together.
 #[utoipa::path(
     post,
     path = "/v1/sessions/{id}/probes",
@@ -28,8 +32,11 @@ use crate::problem::Problem;
     )
 )]
 pub async fn create(
+    State(app): State<App>,
     Target(session): Target,
     Json(batch): Json<ProbeBatch>,
-) -> Result<Answer<ProbeReply>, Problem> {
-    Ok(Answer(session.probe(batch).await?))
+) -> Result<Response, Problem> {
+    let reading = session.probe(batch)?;
+    let bytes = reading.answer_bytes();
+    respond(&app, reading, move |reply| json(&reply, bytes)).await
 }

@@ -145,7 +145,8 @@ async fn read(
     }
     let reference = Reference::Ground;
     let height = session.sampled_height(reference);
-    let sampled = session.sample(CellBox { columns: region, reference, y0: 0, height }).await?;
+    let wanted = CellBox { columns: region, reference, y0: 0, height };
+    let sampled = session.sample_grid(wanted).await?;
     let mirror = session.mirror();
     let ground = (grid, &mirror.ground);
     Ok((sampled.stamp, Snow::from_cells(ground, region, sampled.cells, &mirror.colliders)))

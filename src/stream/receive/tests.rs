@@ -57,6 +57,11 @@ fn rate(at_once: u32) -> DefaultDirectRateLimiter {
     RateLimiter::direct(refill.allow_burst(at_once.try_into().unwrap()))
 }
 
+/// Nothing here reads the snow.
+async fn reads(_: i64, _: Read) -> Next {
+    unreachable!("no message asks for it")
+}
+
 /// Messages, and after them nothing.
 fn waiting(
     messages: Vec<Result<Message, axum::Error>>,
@@ -74,7 +79,7 @@ async fn changes_are_begun_and_answered_in_order_whatever_the_order_of_their_end
     let desk = Desk::default();
     let messages = waiting((0..300).map(air).collect());
     let (send, mut answers) = mpsc::channel(4);
-    let listening = receive(messages, send, |change| desk.apply(change), free());
+    let listening = receive(messages, send, (|change| desk.apply(change), reads), free());
     let watching = async {
         while desk.begun().len() < 300 {
             tokio::task::yield_now().await;
@@ -96,7 +101,7 @@ async fn no_more_is_read_than_may_be_under_way() {
     let desk = Desk::default();
     let messages = waiting((0..PIPELINE + 10).map(air).collect());
     let (send, mut answers) = mpsc::channel(1);
-    let listening = receive(messages, send, |change| desk.apply(change), free());
+    let listening = receive(messages, send, (|change| desk.apply(change), reads), free());
     let watching = async {
         for _ in 0..4 * PIPELINE {
             tokio::task::yield_now().await;
@@ -131,7 +136,7 @@ async fn what_cannot_be_read_is_answered_in_its_turn() {
         text(r#"{"op":"ping","id":4}"#.to_owned()),
     ]);
     let (send, mut answers) = mpsc::channel(8);
-    let listening = receive(messages, send, |change| desk.apply(change), free());
+    let listening = receive(messages, send, (|change| desk.apply(change), reads), free());
     let watching = async {
         while desk.begun().is_empty() {
             tokio::task::yield_now().await;
@@ -161,7 +166,7 @@ async fn a_client_is_given_up_after_a_minute_of_silence() {
     });
     let (send, _answers) = mpsc::channel(1);
     let begin = Instant::now();
-    let cause = receive(Box::pin(pongs), send, |change| desk.apply(change), free()).await;
+    let cause = receive(Box::pin(pongs), send, (|change| desk.apply(change), reads), free()).await;
     assert_eq!((cause, begin.elapsed().as_secs()), (Cause::Silent, 3 * 50 + 60));
 }
 
@@ -176,7 +181,8 @@ async fn the_end_of_the_messages_says_why() {
         let desk = Desk::default();
         let (send, _answers) = mpsc::channel(1);
         let cause =
-            receive(stream::iter(messages), send, |change| desk.apply(change), free()).await;
+            receive(stream::iter(messages), send, (|change| desk.apply(change), reads), free())
+                .await;
         assert_eq!(cause, expected);
     }
 }
@@ -188,7 +194,7 @@ async fn nobody_is_called_silent_while_a_message_to_it_is_being_written() {
     let (send, _answers) = mpsc::channel(1);
     let bounds = Bounds { writing: &writing, ..free() };
     let begin = Instant::now();
-    let listening = receive(waiting(vec![]), send, |change| desk.apply(change), bounds);
+    let listening = receive(waiting(vec![]), send, (|change| desk.apply(change), reads), bounds);
     let written = async {
         tokio::time::sleep(Duration::from_secs(70)).await;
         writing.store(false, Ordering::Relaxed);
@@ -203,7 +209,7 @@ async fn more_commands_than_are_taken_end_the_stream() {
     let bounds = Bounds { rate: rate(5), ..free() };
     let pings = (0..6).map(|id| text(format!(r#"{{"op":"ping","id":{id}}}"#))).collect();
     let (send, mut answers) = mpsc::channel(8);
-    let cause = receive(waiting(pings), send, |change| desk.apply(change), bounds).await;
+    let cause = receive(waiting(pings), send, (|change| desk.apply(change), reads), bounds).await;
     assert_eq!(cause, Cause::TooManyCommands);
     while let Some(next) = answers.recv().await {
         assert!(matches!(next, Next::Control(Control::Ping(Some(0..5)))), "{next:?}");

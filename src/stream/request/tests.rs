@@ -1,5 +1,5 @@
 use firn_protocol::stream::Command;
-use firn_protocol::{ColumnRegion, EventKind, Events, Resume};
+use firn_protocol::{ColumnRegion, EventKind, Events, Probe, Resume, SampleField};
 use firn_snow::{Position, Shape};
 
 use super::*;
@@ -150,7 +150,12 @@ fn every_command_of_a_client_is_read() {
     let batch = ColliderBatch { put: vec![collider.clone()], delete: vec!["old".to_owned()] };
     let change = |change, at| Request::Change { id: 1, change, at };
     let delete = Change::DeleteCollider { id: "sledge".to_owned() };
-    for (command, read) in [
+    let read = |read| Request::Read { id: 1, read };
+    let probe = Probe { x: 1.0, z: 2.0, mass: 80.0, area: 0.1, duration: Some(0.4) };
+    let probes = ProbeBatch { probes: vec![probe] };
+    let fields = vec![SampleField::Depth, SampleField::Sink];
+    let samples = SampleBatch { points: vec![[1.0, 2.0]], fields, load: Some(probe.load()) };
+    for (command, request) in [
         (
             Command::Subscribe { id: 1, wish: wish.clone() },
             Request::Control(Control::Subscribe(1, wish)),
@@ -175,9 +180,11 @@ fn every_command_of_a_client_is_read() {
             change(delete, "/collider"),
         ),
         (Command::Colliders { id: 1, batch: batch.clone() }, change(Change::Colliders(batch), "")),
+        (Command::Probes { id: 1, batch: probes.clone() }, read(Read::Probes(probes))),
+        (Command::Samples { id: 1, batch: samples.clone() }, read(Read::Samples(samples))),
     ] {
         let text = serde_json::to_string(&command).unwrap();
-        assert_eq!(Request::parse(&text), Ok(read), "{text}");
+        assert_eq!(Request::parse(&text), Ok(request), "{text}");
     }
 }
 
@@ -192,7 +199,7 @@ fn events_are_true_false_or_known_kinds() {
     };
     let (pointer, told) = detail(r#"{"op":"subscribe","id":1,"events":["settled","thaw"]}"#);
     assert_eq!(pointer, "/events/1");
-    let kinds = "`snowfall`, `clearing`, `settings`, `settled`, `reset`";
+    let kinds = "`snowfall`, `clearing`, `settings`, `terrain`, `settled`, `reset`";
     assert_eq!(told, format!("unknown variant `thaw`; known are {kinds}"));
     let (pointer, told) = detail(r#"{"op":"update","id":1,"events":"settled"}"#);
     assert_eq!(pointer, "/events");

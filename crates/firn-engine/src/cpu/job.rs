@@ -2,7 +2,7 @@
 
 use firn_snow::{Column, ColumnRect, Grid, Progress, Snowpack, TILE_COLUMNS, TILE_SIDE};
 
-use crate::frame::{Edit, TileCells, Work, WorkOutcome};
+use crate::frame::{ColumnRead, Edit, TileCells, Work, WorkOutcome};
 use crate::published::TileColumns;
 
 /// Units of a row of tiles on which snow falls, for each of its columns.
@@ -92,7 +92,9 @@ impl Job {
             let count = (self.outcome.gathered.len() - gathered) as u64;
             return Some(count * cells_of(snowpack.grid()));
         }
-        None
+        let read = self.work.columns.get(self.outcome.columns.len())?;
+        self.outcome.columns.push(topmost(snowpack, read));
+        Some(read.cells())
     }
 
     /// Begins the cycles, or what is evaluated where there are none.
@@ -219,6 +221,16 @@ fn cells_of(grid: &Grid) -> u64 {
 /// Tiles whose cells are about so many, at least one.
 fn cells_fit(units: u64, grid: &Grid) -> u32 {
     u32::try_from(units / cells_of(grid)).unwrap_or(u32::MAX).max(1)
+}
+
+/// The topmost cells of some columns.
+fn topmost(snowpack: &Snowpack, read: &ColumnRead) -> Vec<Column> {
+    let column = |&index: &u32| {
+        let tile = snowpack.tile(index / TILE_COLUMNS).unwrap_or_default();
+        let cells = tile.get((index % TILE_COLUMNS) as usize).map_or(&[][..], |c| &c.cells);
+        Column { cells: cells[cells.len().saturating_sub(read.cells as usize)..].to_vec() }
+    };
+    read.columns.iter().map(column).collect()
 }
 
 /// A tile's cells, slot by slot; without columns, all of them empty.

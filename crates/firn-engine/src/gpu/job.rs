@@ -51,6 +51,7 @@ enum Stage {
     Free,
     Loaded,
     Gather,
+    Columns,
     Over,
 }
 
@@ -151,6 +152,7 @@ impl Job {
             self.outcome.last_change = part.done + outcome.last_change;
         }
         self.outcome.gathered.extend(outcome.gathered);
+        self.outcome.columns.extend(outcome.columns);
         if part.unfinished {
             let (slot, units) = (outcome.slot, part.units);
             return WorkOutcome { slot, units, unfinished: true, ..WorkOutcome::default() };
@@ -161,6 +163,7 @@ impl Job {
             edits: std::mem::take(&mut self.outcome.edits),
             last_change: self.outcome.last_change,
             gathered,
+            columns: std::mem::take(&mut self.outcome.columns),
             ..outcome
         }
     }

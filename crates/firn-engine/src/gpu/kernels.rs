@@ -43,6 +43,12 @@ pub enum Resource {
     OperationLists,
     /// What was refused or cleared.
     OperationResults,
+    /// Columns that are to be read, all of them equally deep.
+    ColumnJobs,
+    /// Which columns those are.
+    ColumnLists,
+    /// Cells of the columns that are read.
+    ColumnCells,
     /// Boxes of the fixed grid that are asked for.
     SampleJobs,
     /// Cells of the fixed grid.
@@ -108,6 +114,8 @@ pub enum KernelId {
     Publish,
     /// Sums masses.
     Tally,
+    /// Copies the topmost cells of columns.
+    Columns,
     /// Samples the fixed grid.
     Sample,
 }
@@ -121,7 +129,7 @@ use Access::{Read, Write};
 use Resource::*;
 
 /// All kernels, in the order of [`KernelId`].
-pub const KERNELS: [Kernel; 8] = [
+pub const KERNELS: [Kernel; 9] = [
     Kernel {
         name: "snowfall",
         entry_point: "snowfall",
@@ -223,6 +231,22 @@ pub const KERNELS: [Kernel; 8] = [
         entry_point: "tally",
         source: &[LAYOUT, include_str!("../../../../shaders/tally.wgsl")],
         bindings: &[(Tiles, Read), (Filled, Read), (Runs, Read), (Tallies, Write), (Mass, Read)],
+    },
+    Kernel {
+        name: "columns",
+        entry_point: "columns",
+        source: &[LAYOUT, include_str!("../../../../shaders/columns.wgsl")],
+        bindings: &[
+            (Tiles, Read),
+            (Filled, Read),
+            (ColumnJobs, Read),
+            (ColumnLists, Read),
+            (ColumnCells, Write),
+            (Mass, Read),
+            (Thickness, Read),
+            (Temperature, Read),
+            (Stress, Read),
+        ],
     },
     Kernel {
         name: "sample",

@@ -344,6 +344,41 @@ pub struct PackedGroup {
     pub first: u32,
 }
 
+/// Columns that are read, all of them equally deep.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct ColumnJob {
+    /// Where the first of the columns stands in the table of lists.
+    pub first_column: u32,
+    /// Number of the columns.
+    pub columns: u32,
+    /// Cells of each that are read at the most, counted from the top.
+    pub cells: u32,
+    /// Where the first of these cells is put.
+    pub first: u32,
+}
+
+/// A cell of a column that is read. Its mass is 0 where the column has no more.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct ColumnCell {
+    /// Areal mass in quanta.
+    pub mass: u32,
+    /// Thickness in quanta.
+    pub thickness: u32,
+    /// Temperature \[°C\].
+    pub temperature: f32,
+    /// Vertical stress \[Pa\].
+    pub stress: f32,
+}
+
+impl From<ColumnCell> for firn_snow::Cell {
+    fn from(row: ColumnCell) -> Self {
+        let ColumnCell { mass, thickness, temperature, stress } = row;
+        firn_snow::Cell { mass, thickness, temperature, stress }
+    }
+}
+
 /// A box of the fixed grid that is asked for.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

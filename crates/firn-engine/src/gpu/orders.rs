@@ -6,10 +6,10 @@ use bytemuck::Pod;
 use super::buffer::{Mail, Table};
 use super::device::Device;
 use super::kernels::Resource;
-use super::layout::{Collider, EditJob, LoadJob, Operation, SampleJob};
+use super::layout::{Collider, ColumnJob, EditJob, LoadJob, Operation, SampleJob};
 use super::sections::{Sections, pieces};
 
-const SECTIONS: usize = 8;
+const SECTIONS: usize = 10;
 
 /// The rows of the submit that is being made.
 #[derive(Debug)]
@@ -30,6 +30,10 @@ pub struct Orders {
     pub operation_lists: Rows<u32>,
     /// Boxes of the fixed grid that are asked for.
     pub sample_jobs: Rows<SampleJob>,
+    /// Columns that are to be read, all of them equally deep.
+    pub column_jobs: Rows<ColumnJob>,
+    /// Which columns those are.
+    pub column_lists: Rows<u32>,
     sections: Sections<SECTIONS>,
     /// The buffer as the device has it.
     image: Vec<u8>,
@@ -73,6 +77,8 @@ impl Orders {
             operations: Rows(Vec::new()),
             operation_lists: Rows(Vec::new()),
             sample_jobs: Rows(Vec::new()),
+            column_jobs: Rows(Vec::new()),
+            column_lists: Rows(Vec::new()),
             sections: Sections::new(table),
             image: Vec::new(),
         }
@@ -89,6 +95,8 @@ impl Orders {
             Resource::Operations => 5,
             Resource::OperationLists => 6,
             Resource::SampleJobs => 7,
+            Resource::ColumnJobs => 8,
+            Resource::ColumnLists => 9,
             _ => return None,
         };
         Some(self.sections.binding(section))
@@ -106,6 +114,8 @@ impl Orders {
             self.operations.bytes(),
             self.operation_lists.bytes(),
             self.sample_jobs.bytes(),
+            self.column_jobs.bytes(),
+            self.column_lists.bytes(),
         ];
         let sizes = bytes.map(|bytes| bytes.len() as u64);
         let replaced = self.sections.reserve(device, sizes);
@@ -134,6 +144,8 @@ impl Orders {
         self.operations.0.clear();
         self.operation_lists.0.clear();
         self.sample_jobs.0.clear();
+        self.column_jobs.0.clear();
+        self.column_lists.0.clear();
         replaced
     }
 }

@@ -4,9 +4,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bytemuck::Pod;
-use firn_snow::Sample;
+use firn_snow::{Column, Sample};
 
-use crate::frame::{Outcome, SampleBox, Slot, Work, WorkOutcome};
+use crate::frame::{ColumnRead, Outcome, SampleBox, Slot, Work, WorkOutcome};
 use crate::parallel;
 use crate::published::Group;
 
@@ -29,6 +29,7 @@ pub struct Copies {
     pub packed: u64,
     /// Groups of tiles that publish.
     pub groups: Range<u32>,
+    column_cells: u64,
     samples: u64,
 }
 
@@ -52,6 +53,8 @@ pub struct Report {
     contacts: Vec<(Arc<str>, u32)>,
     /// Tiles whose cells are wanted.
     pub gathered: usize,
+    /// Cells of the columns that are read, and how many of them each column has.
+    columns: Vec<(Range<u64>, u32)>,
     samples: Vec<Range<u64>>,
 }
 
@@ -59,12 +62,17 @@ impl Reports {
     /// What the work of a frame reports, the parts of which have been surveyed.
     pub fn new(work: &[Work], parts: Vec<Part>, residents: &Residents) -> Reports {
         let mut reports = Reports { work: Vec::with_capacity(work.len()), cells: Vec::new() };
-        let mut samples = 0;
+        let (mut cells, mut samples) = (0, 0);
         for (work, part) in work.iter().zip(parts) {
             let mut sample = |wanted: &SampleBox| {
                 let first = samples;
                 samples += wanted.cells();
                 first..samples
+            };
+            let mut read = |wanted: &ColumnRead| {
+                let first = cells;
+                cells += wanted.cells();
+                (first..cells, wanted.cells)
             };
             let mut report = Report {
                 slot: work.slot,
@@ -72,6 +80,7 @@ impl Reports {
                 tiles: if work.publish { part.tiles } else { 0..0 },
                 contacts: Vec::new(),
                 gathered: work.gather.len(),
+                columns: work.columns.iter().map(&mut read).collect(),
                 samples: work.samples.iter().map(&mut sample).collect(),
             };
             // Of thousands that only tick or publish, none is looked at.
@@ -118,6 +127,7 @@ impl Copies {
             packable: totals.tiles,
             packed,
             groups: totals.groups,
+            column_cells: totals.column_cells,
             samples: totals.samples,
         }
     }
@@ -132,6 +142,7 @@ impl Copies {
         }
         let others = [
             (tables.contacts.buffer(), rows::<layout::Contact>(self.contacts)),
+            (tables.column_cells.buffer(), rows::<layout::ColumnCell>(self.column_cells)),
             (tables.samples.buffer(), rows::<Sample>(self.samples)),
         ];
         let results = self.results.pieces().map(|piece| (tables.results.buffer(), piece));
@@ -149,6 +160,7 @@ impl Copies {
         let operations: &[layout::OperationResult] =
             bytemuck::cast_slice(section(Section::Operations));
         let contacts: &[layout::Contact] = reader.slice(self.contacts);
+        let cells: &[layout::ColumnCell] = reader.slice(self.column_cells);
         let samples: &[Sample] = reader.slice(self.samples);
         let of = |(work, tally): (&Report, &layout::Tally)| {
             let contact =
@@ -156,6 +168,10 @@ impl Copies {
             let edits = &operations[work.edits.start as usize..work.edits.end as usize];
             let sample =
                 |range: &Range<u64>| samples[range.start as usize..range.end as usize].to_vec();
+            let read = |(range, each): &(Range<u64>, u32)| {
+                let cells = &cells[range.start as usize..range.end as usize];
+                cells.chunks_exact(*each as usize).map(column).collect()
+            };
             WorkOutcome {
                 slot: work.slot,
                 unfinished: false,
@@ -167,6 +183,7 @@ impl Copies {
                 mass: join(tally.mass_low, tally.mass_high),
                 contacts: work.contacts.iter().map(contact).collect(),
                 gathered: Vec::new(),
+                columns: work.columns.iter().map(read).collect(),
                 samples: work.samples.iter().map(sample).collect(),
             }
         };
@@ -179,4 +196,10 @@ impl Copies {
         let packed = count.first().map_or(0, |&count| count.into());
         (outcome, groups.iter().map(group).collect(), packed)
     }
+}
+
+/// A column whose cells were read.
+fn column(cells: &[layout::ColumnCell]) -> Column {
+    let cells = cells.iter().take_while(|cell| cell.mass > 0);
+    Column { cells: cells.map(|&cell| cell.into()).collect() }
 }

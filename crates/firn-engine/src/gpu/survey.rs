@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::frame::{Edit, EngineError, Frame, SampleBox, Work};
+use crate::frame::{ColumnRead, Edit, EngineError, Frame, SampleBox, Work};
 use crate::parallel;
 
 use super::plan::Round;
@@ -53,6 +53,8 @@ pub struct Totals {
     pub tiles: u64,
     /// Groups of 64 tiles that they are among.
     pub groups: Range<u32>,
+    /// Cells of columns that are read.
+    pub column_cells: u64,
     /// Cells of the fixed grid.
     pub samples: u64,
     /// Whether masses are to be summed.
@@ -75,7 +77,7 @@ impl Found {
 
 /// Whether cycles are run, or cells are read with their stresses.
 fn needs_stress(work: &Work) -> bool {
-    work.run.cycles > 0 || !work.gather.is_empty() || !work.samples.is_empty()
+    work.run.cycles > 0 || work.reads_cells()
 }
 
 impl Survey {
@@ -120,6 +122,7 @@ impl Survey {
             totals.tiles += tiles.len() as u64;
             totals.contacts |= may_be_loaded;
         }
+        totals.column_cells += work.columns.iter().map(ColumnRead::cells).sum::<u64>();
         totals.samples += work.samples.iter().map(SampleBox::cells).sum::<u64>();
         if work.run.cycles > 0 {
             totals.cycles = totals.cycles.max(work.run.cycles);

@@ -37,6 +37,8 @@ pub struct Tables {
     pub tile_rows: Vec<(u32, layout::Tile)>,
     /// Rows of this submit.
     pub orders: Orders,
+    /// Cells of the columns that are read.
+    pub column_cells: Table,
     /// Cells of the fixed grid.
     pub samples: Table,
     /// What frames leave for the host.
@@ -64,6 +66,7 @@ impl Tables {
             due: Due::new(table("due", Usage::INDIRECT), table("page starts", Usage::empty())),
             tile_rows: Vec::new(),
             orders: Orders::new(table("orders", Usage::empty())),
+            column_cells: table("column cells", Usage::empty()),
             samples: table("samples", Usage::empty()),
             results: Results::new(table("results", Usage::empty())),
             mail: Mail::new(device),
@@ -131,8 +134,12 @@ impl Tables {
     /// Makes room for a frame's results.
     pub fn reserve_results(&mut self, device: &Device, totals: &Totals) {
         let samples = totals.samples * std::mem::size_of::<Sample>() as u64;
-        let grew =
-            [self.results.reserve(device, totals), self.samples.reserve(&device.device, samples)];
+        let cells = totals.column_cells * std::mem::size_of::<layout::ColumnCell>() as u64;
+        let grew = [
+            self.results.reserve(device, totals),
+            self.samples.reserve(&device.device, samples),
+            self.column_cells.reserve(&device.device, cells),
+        ];
         if grew.contains(&true) {
             self.bindings.clear();
         }
@@ -205,6 +212,7 @@ impl Tables {
             Resource::PageStarts => self.due.starts(),
             Resource::Due => self.due.buffer(),
             Resource::Contacts => self.contacts.buffer(),
+            Resource::ColumnCells => self.column_cells.buffer(),
             Resource::Samples => self.samples.buffer(),
             Resource::Mass => cells(0),
             Resource::Thickness => cells(1),

@@ -6,13 +6,11 @@ use axum::http::{HeaderName, HeaderValue};
 use firn_snow::Grid;
 
 use crate::http::handlers::reserved;
+use crate::http::npy;
 use crate::problem::Problem;
 use crate::session::Ground;
 
 use super::{Heights, Shown};
-
-/// A NumPy header, with what stands before it, is a multiple of this long \[bytes\].
-const NPY_ALIGNMENT: usize = 64;
 
 /// Characters of a height in JSON with what parts it from the next; few are longer.
 pub const LONGEST_NUMBER: usize = 22;
@@ -30,25 +28,11 @@ fn write_floats(heights: &Heights, file: &mut Vec<u8>) {
 
 /// A NumPy array file of version 1.0.
 pub fn npy(heights: &Heights, width: u32, depth: u32) -> Result<Vec<u8>, Problem> {
-    let header = npy_header(width, depth);
+    let header = npy::header(depth as usize, width as usize);
     let mut file = reserved(header.len() + 4 * heights.count())?;
     file.extend(header);
     write_floats(heights, &mut file);
     Ok(file)
-}
-
-/// What stands before the numbers of a NumPy file.
-fn npy_header(width: u32, depth: u32) -> Vec<u8> {
-    const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";
-    let mut text =
-        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({depth}, {width}), }}");
-    // The magic bytes, the text's length in two bytes, the text, a line feed.
-    let length = (MAGIC.len() + 2 + text.len() + 1).next_multiple_of(NPY_ALIGNMENT);
-    let padding = length - MAGIC.len() - 2 - text.len() - 1;
-    text.extend(std::iter::repeat_n(' ', padding));
-    text.push('\n');
-    let stated = u16::try_from(text.len()).expect("two numbers don't fill 64 KiB");
-    [MAGIC, &stated.to_le_bytes(), text.as_bytes()].concat()
 }
 
 /// What a grey value means.
@@ -120,16 +104,6 @@ pub fn png(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_npy_header_is_aligned_and_ends_its_line() {
-        for (width, depth) in [(1, 1), (10, 7), (100_000, 160), (4_294_967_295, 1)] {
-            let header = npy_header(width, depth);
-            let length = usize::from(u16::from_le_bytes([header[8], header[9]]));
-            assert_eq!((header.len() % NPY_ALIGNMENT, header.len()), (0, 10 + length));
-            assert_eq!(header.last(), Some(&b'\n'));
-        }
-    }
 
     #[test]
     fn greys_cover_every_height_and_no_more() {

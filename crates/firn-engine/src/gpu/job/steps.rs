@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use firn_snow::TILE_COLUMNS;
 
-use crate::frame::{Edit, Run, Work, contact_units};
+use crate::frame::{Edit, Run, contact_units};
 use crate::gpu::resident::Resident;
 
 use super::part::{Part, Step, When};
@@ -15,6 +15,9 @@ const EDIT: u64 = 2;
 
 /// Units of writing the ground of a tile.
 const GROUND: u64 = 4 * TILE_COLUMNS as u64;
+
+/// Cells of columns that a part reads, about: they come back in one piece.
+const COLUMN_CELLS_AT_ONCE: u64 = 1 << 20;
 
 impl Job {
     /// Adds the next step to a part. Returns whether the part ends with it.
@@ -32,6 +35,10 @@ impl Job {
             Stage::Free | Stage::Loaded => self.compact(resident, most, part),
             Stage::Gather => {
                 self.gather(resident, most, part);
+                true
+            }
+            Stage::Columns => {
+                self.read_columns(most, part);
                 true
             }
             Stage::Over => true,
@@ -106,8 +113,7 @@ impl Job {
             self.runs = true;
             part.work.wake = self.work.wake;
         }
-        let Work { run, gather, samples, .. } = &self.work;
-        let needed = run.cycles > 0 || !gather.is_empty() || !samples.is_empty();
+        let needed = self.work.run.cycles > 0 || self.work.reads_cells();
         let left = resident.unweighed.len() as u32;
         if needed && left > 0 {
             let cells = cells_of(resident);
@@ -163,6 +169,25 @@ impl Job {
         let tiles = &self.work.gather[range.start as usize..range.end as usize];
         part.work.gather = tiles.to_vec();
         if self.next == count {
+            let reads = !self.work.columns.is_empty();
+            self.enter(if reads { Stage::Columns } else { Stage::Over });
+        }
+    }
+
+    /// Goes on with reading columns.
+    fn read_columns(&mut self, most: u64, part: &mut Part) {
+        let first = self.next as usize;
+        let mut cells = 0;
+        for read in &self.work.columns[first..] {
+            if cells >= most.min(COLUMN_CELLS_AT_ONCE) {
+                break;
+            }
+            cells += read.cells();
+            self.next += 1;
+        }
+        part.units += cells;
+        part.work.columns = self.work.columns[first..self.next as usize].to_vec();
+        if self.next as usize == self.work.columns.len() {
             self.enter(Stage::Over);
         }
     }
@@ -241,8 +266,11 @@ impl Job {
         let most = self.work.limit.unwrap_or(u64::MAX);
         let left = self.work.run.cycles - self.done;
         if left == 0 {
-            let gathers = !self.work.gather.is_empty();
-            self.enter(if gathers { Stage::Gather } else { Stage::Over });
+            self.enter(match &self.work {
+                work if !work.gather.is_empty() => Stage::Gather,
+                work if !work.columns.is_empty() => Stage::Columns,
+                _ => Stage::Over,
+            });
             return;
         }
         let units = cells_of(resident) * resident.lot.places.len() as u64;

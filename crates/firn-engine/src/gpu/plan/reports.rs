@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use firn_snow::{Floor, REFERENCE_CELL_SIZE};
+use firn_snow::{Floor, REFERENCE_CELL_SIZE, TILE_COLUMNS};
 
 use crate::frame::Work;
 use crate::gpu::kernels::KernelId;
-use crate::gpu::layout::{Elevation, Pass, SampleJob};
+use crate::gpu::layout::{ColumnJob, Elevation, Pass, SampleJob};
 use crate::gpu::resident::Residents;
 use crate::gpu::survey::Totals;
 
@@ -19,6 +19,9 @@ impl Planner<'_> {
         self.dispatch(KernelId::Publish, 0, Pass { first, count, ..Pass::default() }, count);
         if totals.tally {
             self.tallies(residents, work);
+        }
+        if totals.column_cells > 0 {
+            self.columns(residents, work);
         }
         if totals.samples > 0 {
             self.samples(residents, work);
@@ -33,6 +36,31 @@ impl Planner<'_> {
                 let pass = Pass { first, count, page, ..Pass::default() };
                 self.dispatch(KernelId::Tally, page, pass, count);
             }
+        }
+    }
+
+    /// Plans the columns that are read.
+    fn columns(&mut self, residents: &Residents, work: &[Work]) {
+        let mut first = 0;
+        for (work, read) in work.iter().flat_map(|w| w.columns.iter().map(move |c| (w, c))) {
+            let Some(resident) = residents.get(work.slot) else { continue };
+            let orders = &mut self.tables.orders;
+            let job = orders.column_jobs.push(ColumnJob {
+                first_column: orders.column_lists.len(),
+                columns: read.columns.len() as u32,
+                cells: read.cells,
+                first,
+            });
+            let before = resident.lot.tiles.start * TILE_COLUMNS;
+            orders.column_lists.extend(read.columns.iter().map(|column| before + column));
+            let tiles = read.columns.iter().map(|column| column / TILE_COLUMNS);
+            let pages: BTreeSet<u32> = tiles.map(|tile| resident.page(tile)).collect();
+            let groups = read.cells().div_ceil(64) as u32;
+            for page in pages {
+                let pass = Pass { first: job, page, ..Pass::default() };
+                self.dispatch(KernelId::Columns, page, pass, groups);
+            }
+            first += read.cells() as u32;
         }
     }
 
