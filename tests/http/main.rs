@@ -3,6 +3,7 @@
 mod auth;
 mod cells;
 mod colliders;
+mod compression;
 mod docs;
 mod errors;
 mod golden;
