@@ -12,6 +12,7 @@ mod isolation;
 mod metrics;
 mod origin;
 mod portions;
+mod presets;
 mod probes;
 mod profile;
 mod render;

@@ -33,6 +33,7 @@ mod contact;
 mod footprint;
 mod grid;
 mod material;
+mod preset;
 mod recut;
 mod sample;
 mod snowpack;
@@ -47,5 +48,6 @@ pub use grid::{
 pub use material::{
     GRAVITY, HardnessLaw, LoadDistribution, Material, REFERENCE_CELL_SIZE, gold_prefactor,
 };
+pub use preset::Preset;
 pub use sample::{Content, Sample, sample_column};
 pub use snowpack::{Progress, Snowpack};
