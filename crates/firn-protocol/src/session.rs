@@ -101,7 +101,7 @@ pub struct SessionView {
     pub locked: bool,
     /// Ticks since it was created or reset.
     pub tick: u64,
-    /// Number of its newest published change.
+    /// Number of its newest published change. It only grows, and may exceed 32 bits.
     pub seq: u64,
     /// Opaque; (epoch, seq) names one state.
     pub epoch: String,
@@ -167,7 +167,7 @@ pub struct Summary {
 pub struct Stamp {
     /// Ticks since the session was created or reset.
     pub tick: u64,
-    /// Number of the newest published change.
+    /// Number of the newest published change. It only grows, and may exceed 32 bits.
     pub seq: u64,
 }
 
