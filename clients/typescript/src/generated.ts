@@ -672,7 +672,10 @@ export interface components {
             /** @description Extent along z [m]. */
             depth: number;
         };
-        /** @description Number of the newest published change. */
+        /**
+         * @description Number of the newest published change. It only grows, by how much depends on what else the server does; it may exceed
+         *     32 bits.
+         */
         Seq: number;
         /** @description Body of `POST /v1/sessions`; every field is optional. */
         SessionSpec: {
@@ -722,7 +725,7 @@ export interface components {
             locked: boolean;
             /** @description Ticks since it was created or reset. */
             tick: number;
-            /** @description Number of its newest published change. */
+            /** @description Number of its newest published change. It only grows, and may exceed 32 bits. */
             seq: number;
             /** @description Opaque; (epoch, seq) names one state. */
             epoch: string;
@@ -868,7 +871,7 @@ export interface components {
         Stamp: {
             /** @description Ticks since the session was created or reset. */
             tick: number;
-            /** @description Number of the newest published change. */
+            /** @description Number of the newest published change. It only grows, and may exceed 32 bits. */
             seq: number;
         };
         /**

@@ -738,6 +738,10 @@ class Resume(TypedDict):
 
 
 Seq: TypeAlias = int
+"""
+Number of the newest published change. It only grows, by how much depends on what else the server does; it may exceed
+32 bits.
+"""
 
 
 class SessionSpec(TypedDict):
@@ -851,7 +855,7 @@ class SessionView(Settings):
     """Ticks since it was created or reset."""
 
     seq: int
-    """Number of its newest published change."""
+    """Number of its newest published change. It only grows, and may exceed 32 bits."""
 
     epoch: str
     """Opaque; (epoch, seq) names one state."""
@@ -1013,7 +1017,7 @@ class Stamp(TypedDict):
     """Ticks since the session was created or reset."""
 
     seq: int
-    """Number of the newest published change."""
+    """Number of the newest published change. It only grows, and may exceed 32 bits."""
 
 
 class AirTemperatureReply(Stamp):
