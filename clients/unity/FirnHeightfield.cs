@@ -115,6 +115,8 @@ namespace Firn
 
         /// <summary>When they held.</summary>
         public ulong Tick { get; private set; }
+
+        /// <summary>Number of the state that they are of. It only grows, and may exceed 32 bits.</summary>
         public ulong Seq { get; private set; }
 
         /// <summary>After a lost connection: whether exactly what was missed was sent; null before.</summary>

@@ -5,7 +5,7 @@
 //! system, whatever route it is for.
 
 use std::borrow::Cow;
-use std::io;
+use std::io::{self, Read};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -16,6 +16,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use firn_engine::parallel;
 use firn_engine::reserve::ask_for;
+use futures_util::stream::{self, Stream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
@@ -29,6 +30,9 @@ use super::state::App;
 
 /// Longest answer that is not counted \[bytes\].
 pub const SMALL: u64 = 64 * 1024;
+
+/// Bytes that are read at a time of an answer that is made while it is taken.
+const PIECE: u64 = 64 * 1024;
 
 /// Large answers that are made at a time, for each processor.
 const EACH_PROCESSOR: usize = 2;
@@ -127,6 +131,27 @@ impl Answers {
         .await
     }
 
+    /// Pieces of an answer that is read while its client takes it, off the threads that serve everybody.
+    pub fn pieces<R: Read + Send + 'static>(
+        &self,
+        source: R,
+    ) -> impl Stream<Item = io::Result<Vec<u8>>> + use<R> {
+        let threads = self.threads.clone();
+        stream::try_unfold(source, move |mut source| {
+            let threads = threads.clone();
+            async move {
+                let reading = threads.run(move || {
+                    let mut piece = Vec::new();
+                    source.by_ref().take(PIECE).read_to_end(&mut piece)?;
+                    Ok((piece, source))
+                });
+                let failed = || Err(io::Error::other("making the answer failed"));
+                let (piece, source) = reading.await.unwrap_or_else(failed)?;
+                Ok((!piece.is_empty()).then_some((piece, source)))
+            }
+        })
+    }
+
     /// Counts the memory of an answer that was made without leave.
     async fn count(&self, response: Response) -> Response {
         let bytes = response.body().size_hint().lower();
@@ -206,7 +231,7 @@ async fn hold(response: Response, memory: Option<Reservation>) -> Response {
     };
     memory.resize(bytes.len() as u64);
     parts.extensions.insert(Counted);
-    Response::from_parts(parts, Body::from(Bytes::from_owner(Held { bytes, _memory: memory })))
+    Response::from_parts(parts, Body::from(holding(bytes, memory)))
 }
 
 /// A body that is a file: where it is part of the program it takes no memory of its own, however many
@@ -218,12 +243,17 @@ pub fn file(bytes: Cow<'static, [u8]>) -> Response {
     }
 }
 
-struct Held {
-    bytes: Bytes,
-    _memory: Reservation,
+/// The same bytes, which hold something until they are gone.
+pub fn holding(bytes: Bytes, held: impl Send + 'static) -> Bytes {
+    Bytes::from_owner(Held { bytes, _held: held })
 }
 
-impl AsRef<[u8]> for Held {
+struct Held<T> {
+    bytes: Bytes,
+    _held: T,
+}
+
+impl<T> AsRef<[u8]> for Held<T> {
     fn as_ref(&self) -> &[u8] {
         &self.bytes
     }

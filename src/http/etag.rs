@@ -1,6 +1,6 @@
-//! `If-None-Match` (RFC 9110, section 13.1.2).
+//! ETags and `If-None-Match` (RFC 9110, sections 8.8.3 and 13.1.2).
 
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 
 /// Whether a client says that it holds what an ETag names. Weak and strong tags compare alike; a
 /// header that can't be read holds nothing.
@@ -11,6 +11,15 @@ pub fn is_held(headers: &HeaderMap, tag: &str) -> bool {
         .iter()
         .filter_map(|value| value.to_str().ok())
         .any(|value| value.trim() == "*" || tags(value).any(|held| held == tag))
+}
+
+/// Makes an answer's strong ETag a weak one: other bytes are sent than those that it names.
+pub fn weaken(headers: &mut HeaderMap) {
+    let Some(tag) = headers.get_mut(header::ETAG) else { return };
+    if !tag.as_bytes().starts_with(b"W/") {
+        let weak = [b"W/", tag.as_bytes()].concat();
+        *tag = HeaderValue::try_from(weak).expect("it was a value before");
+    }
 }
 
 /// A tag without what says that it is weak.

@@ -3,6 +3,7 @@
 mod accept;
 pub(crate) mod answers;
 pub(crate) mod bodies;
+pub(crate) mod compression;
 mod docs;
 mod etag;
 mod extract;

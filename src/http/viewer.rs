@@ -13,6 +13,7 @@ use rust_embed::{EmbeddedFile, RustEmbed};
 use crate::problem::Problem;
 use crate::quote::quote;
 
+use super::accept::choose_coding;
 use super::answers;
 use super::etag::is_held;
 use super::state::App;
@@ -62,7 +63,8 @@ async fn asset(Path(file): Path<String>, headers: HeaderMap) -> Result<Response,
 fn send(path: &str, caching: &str, request: &HeaderMap) -> Option<Response> {
     let plain = Files::get(path)?;
     let media_type = plain.metadata.mimetype().to_owned();
-    let packed = Files::get(&format!("{path}.gz")).filter(|_| takes_gzip(request));
+    let takes_gzip = choose_coding(request, &["gzip"]).is_some();
+    let packed = Files::get(&format!("{path}.gz")).filter(|_| takes_gzip);
     let encoding = packed.is_some().then_some([(header::CONTENT_ENCODING, "gzip")]);
     let file = packed.unwrap_or(plain);
     let tag = tag(&file);
@@ -87,16 +89,4 @@ fn tag(file: &EmbeddedFile) -> String {
     let hash = file.metadata.sha256_hash();
     let hex: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();
     format!("\"{hex}\"")
-}
-
-/// Whether a client takes gzip (RFC 9110, section 12.5.3).
-fn takes_gzip(request: &HeaderMap) -> bool {
-    let offers = request.get_all(header::ACCEPT_ENCODING);
-    offers.iter().filter_map(|value| value.to_str().ok()).flat_map(|value| value.split(',')).any(
-        |offer| {
-            let (coding, weight) = offer.split_once(';').unwrap_or((offer, ""));
-            let refused = weight.trim().strip_prefix("q=").is_some_and(|q| q.parse() == Ok(0.0));
-            coding.trim().eq_ignore_ascii_case("gzip") && !refused
-        },
-    )
 }

@@ -4,6 +4,7 @@
 //! compaction needs the file for itself, and changes wait for it.
 
 use std::fs::File;
+use std::io::{self, Read};
 use std::sync::{Arc, Weak, mpsc};
 
 use firn_protocol::{CompactReply, VerifyReply};
@@ -47,11 +48,16 @@ struct Kept {
 /// A copy of the store, to be sent: a file that is gone when this is dropped.
 #[derive(Debug)]
 pub struct Backup {
-    /// The file, from its beginning.
-    pub file: File,
+    file: File,
     /// Its length.
     pub bytes: u64,
     _turn: OwnedSemaphorePermit,
+}
+
+impl Read for Backup {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.file.read(buffer)
+    }
 }
 
 impl StoreKeeper {

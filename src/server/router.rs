@@ -18,6 +18,7 @@ use utoipa_axum::routes;
 use crate::http::App;
 use crate::http::answers;
 use crate::http::bodies::read_whole;
+use crate::http::compression::compress;
 use crate::http::gate::{check_host, check_origin, guard};
 use crate::http::handlers::{
     self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
@@ -120,6 +121,7 @@ fn dress(routes: Router<App>, app: &App) -> Router<App> {
     let layers = ServiceBuilder::new()
         .layer(SetSensitiveRequestHeadersLayer::new([header::AUTHORIZATION]))
         .layer(middleware::from_fn_with_state(app.clone(), observe))
+        .layer(middleware::from_fn_with_state(app.clone(), compress))
         .layer(middleware::from_fn_with_state(app.clone(), answers::count))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::map_request_with_state(app.clone(), check_host))

@@ -3,6 +3,7 @@
 mod auth;
 mod cells;
 mod colliders;
+mod compression;
 mod docs;
 mod errors;
 mod golden;
@@ -11,6 +12,7 @@ mod isolation;
 mod metrics;
 mod origin;
 mod portions;
+mod presets;
 mod probes;
 mod profile;
 mod render;

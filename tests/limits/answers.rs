@@ -1,10 +1,14 @@
 //! Large answers, and clients that don't take them.
 
+use std::io::Read;
 use std::time::Duration;
 
 use firn::config::{BackendChoice, RequestConfig};
 use futures_util::SinkExt;
 use futures_util::future::join_all;
+use rand::rngs::SmallRng;
+use rand::{Rng, SeedableRng};
+use reqwest::Method;
 use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::Message;
 
@@ -92,6 +96,45 @@ async fn every_large_answer_is_counted() {
     until("they are counted", async || server.app.answers.unsent.held() > 1 << 20).await;
     drop(silent);
     until("it is given back", async || server.app.answers.unsent.held() == 0).await;
+    server.stop().await;
+}
+
+/// Compressed answers are counted until the last byte is taken, as others are.
+#[tokio::test(flavor = "multi_thread")]
+async fn compressed_answers_that_nobody_takes_are_counted() {
+    let server = server(PATIENCE).await;
+    let mut dice = SmallRng::seed_from_u64(1);
+    let mut body = large();
+    body["terrain"] =
+        json!({"heights": (0..512 * 512).map(|_| dice.random()).collect::<Vec<f64>>()});
+    // It is longer than a request may be.
+    let (session, _tokens) =
+        server.sessions.create(serde_json::from_value(body).unwrap()).await.unwrap();
+    let url = format!("/v1/sessions/{}/heights?surface=true", session.id);
+    let plain = server.get(&url).await;
+    for (coding, decode) in [
+        ("zstd", (|coded| zstd::decode_all(coded).unwrap()) as fn(&[u8]) -> Vec<u8>),
+        ("gzip", |coded| {
+            let mut plain = Vec::new();
+            flate2::read::GzDecoder::new(coded).read_to_end(&mut plain).unwrap();
+            plain
+        }),
+    ] {
+        let mut silent = Vec::new();
+        until("the budget is used", async || {
+            let headers = format!("accept-encoding: {coding}\r\n");
+            silent.push(ask(&server, &format!("GET {url}"), &headers).await);
+            server.app.answers.unsent.held() > BUDGET / 2
+        })
+        .await;
+        drop(silent);
+        until("it is given back", async || server.app.answers.unsent.held() == 0).await;
+        let headers = [("accept-encoding", coding)];
+        let coded = server.send(Method::GET, &url, &headers, Vec::new()).await;
+        assert_eq!(coded.header("content-encoding"), coding);
+        assert!(decode(&coded.body) == plain.body, "{coding}");
+        until("it is given back", async || server.app.answers.unsent.held() == 0).await;
+    }
     server.stop().await;
 }
 

@@ -6,6 +6,7 @@ import { readFileSync } from "node:fs";
 import { after, afterEach, before, test } from "node:test";
 import { Firn } from "../../clients/typescript/src/index.ts";
 import { type Server, startServer } from "../../clients/typescript/test/server.ts";
+import { describe, presets } from "../src/presets.ts";
 import { colours, dataset, keep, launch, open } from "./browser.ts";
 
 type Browser = Awaited<ReturnType<typeof launch>>;
@@ -53,6 +54,27 @@ async function openSession(id: string, spec: Parameters<Firn["createSession"]>[0
   await picture(tab.page);
   return tab;
 }
+
+test("the dialog shows what a preset fills in, and the server fills in the same", async () => {
+  const { page, complaints } = await open(browser, server.url);
+  for (const [preset, snow] of Object.entries(presets)) {
+    await press(page, "New session");
+    const dialog = page.getByRole("dialog");
+    await dialog.getByLabel("Name").fill(preset);
+    await dialog.getByLabel("Kind of snow").selectOption(preset);
+    await dialog.getByText(describe(snow)).waitFor();
+    await dialog.getByLabel("Begin paused").check();
+    await press(page, "Create");
+    await live(page);
+    const { material, air_temperature } = await firn.session(preset).get();
+    const { name: _, air_temperature: shown, ...values } = snow;
+    assert.deepEqual({ ...material, ...values }, material);
+    assert.equal(air_temperature, shown);
+    await firn.session(preset).delete();
+    await page.getByRole("link", { name: "Firn" }).click();
+  }
+  assert.deepEqual(complaints, []);
+});
 
 test("create a session, add snow, see it settle, delete the session", async () => {
   const { page, complaints } = await open(browser, server.url);

@@ -44,6 +44,15 @@ def test_a_sessions_life(client: Client) -> None:
     assert gone.value.status == 404
 
 
+def test_long_answers_come_compressed(client: Client) -> None:
+    session = client.create_session(paused=True, preset="powder", initial_snow=[{"depth": 1}])
+    response = client.request("GET", f"{session.path}/heights", headers={"accept": "application/octet-stream"})
+    assert response.headers["content-encoding"] in ("gzip", "zstd")
+    assert np.frombuffer(response.content, "<f4") == pytest.approx(np.ones(50 * 50), abs=0.01)
+    assert session.get()["material"]["fresh_density"] == 30
+    session.delete()
+
+
 def test_heights_are_arrays(client: Client) -> None:
     session = client.create_session(paused=True, grid=GRID)
     fall = session.snowfall(2, region={"x": 0, "z": 0, "width": 0.4, "depth": 0.2})

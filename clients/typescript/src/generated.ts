@@ -526,20 +526,18 @@ export interface components {
             /** @description How loads spread with depth. */
             load_distribution: components["schemas"]["LoadDistribution"];
         };
-        /** @description Material constants of one snowpack. */
+        /** @description Material constants of a snowpack to be made; those of its preset where there are none. */
         MaterialSpec: {
             /** @description Density of fresh snow [kg/m³], up to `max_density`. */
-            fresh_density?: number;
+            fresh_density?: number | null;
             /** @description Density at which snow compacts no further [kg/m³]. */
-            max_density?: number;
+            max_density?: number | null;
             /** @description Exponent n of the stiffness law k = ρⁿ. */
-            stiffness_exponent?: number;
-            /** @description The hardness law. */
-            hardness_law?: components["schemas"]["HardnessLaw"];
+            stiffness_exponent?: number | null;
+            hardness_law?: components["schemas"]["HardnessLaw"] | null;
             /** @description Grain size δ [mm], read by the law `gold` only. */
-            grain_size_mm?: number;
-            /** @description How loads spread with depth. */
-            load_distribution?: components["schemas"]["LoadDistribution"];
+            grain_size_mm?: number | null;
+            load_distribution?: components["schemas"]["LoadDistribution"] | null;
         };
         /** @description Memory that a session takes [bytes]. */
         MemoryBytes: {
@@ -607,6 +605,11 @@ export interface components {
             /** @description Along z [m]. */
             z: number;
         };
+        /**
+         * @description A kind of snow: a material, and the air that it fell from. `docs/model.md` has all values and their sources.
+         * @enum {string}
+         */
+        Preset: "thesis" | "powder" | "packed" | "wet" | "game";
         /** @description A load on level snow. */
         Probe: {
             /** @description Where it stands along x [m], inside the grid. */
@@ -696,18 +699,23 @@ export interface components {
             /** @description Extent along z [m]. */
             depth: number;
         };
-        /** @description Number of the newest published change. */
+        /**
+         * @description Number of the newest published change. It only grows, by how much depends on what else the server does; it may exceed
+         *     32 bits.
+         */
         Seq: number;
         /** @description Body of `POST /v1/sessions`; every field is optional. */
         SessionSpec: {
+            /** @description Kind of snow: fills what `material` and `air_temperature` leave out. */
+            preset?: components["schemas"]["Preset"];
             /** @description Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none. */
             id?: string | null;
             /** @description Size of the grid. */
             grid?: components["schemas"]["GridSpec"];
             /** @description Material constants. */
             material?: components["schemas"]["MaterialSpec"];
-            /** @description Temperature of the air [°C], and of fresh snow. */
-            air_temperature?: number;
+            /** @description Temperature of the air [°C], and of fresh snow; the preset's where there is none. */
+            air_temperature?: number | null;
             /** @description Simulated seconds per second. */
             time_scale?: number;
             /** @description Ticks per second [Hz]. */
@@ -744,7 +752,7 @@ export interface components {
             locked: boolean;
             /** @description Ticks since it was created or reset. */
             tick: number;
-            /** @description Number of its newest published change. */
+            /** @description Number of its newest published change. It only grows, and may exceed 32 bits. */
             seq: number;
             /** @description Opaque; (epoch, seq) names one state. */
             epoch: string;
@@ -890,7 +898,7 @@ export interface components {
         Stamp: {
             /** @description Ticks since the session was created or reset. */
             tick: number;
-            /** @description Number of the newest published change. */
+            /** @description Number of the newest published change. It only grows, and may exceed 32 bits. */
             seq: number;
         };
         /**
@@ -1170,6 +1178,7 @@ export type PingMessage = components['schemas']['PingMessage'];
 export type PlainEvent = components['schemas']['PlainEvent'];
 export type PongMessage = components['schemas']['PongMessage'];
 export type Position = components['schemas']['Position'];
+export type Preset = components['schemas']['Preset'];
 export type Probe = components['schemas']['Probe'];
 export type ProbeBatch = components['schemas']['ProbeBatch'];
 export type ProbeReply = components['schemas']['ProbeReply'];

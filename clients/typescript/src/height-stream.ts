@@ -32,6 +32,7 @@ export interface HeightMessage {
   op: "snapshot" | "delta";
   /** The subscription. */
   id: number;
+  /** Number of the state. It only grows, and may exceed 32 bits; exact up to 2^53 - 1, and no message has a higher one. */
   seq: number;
   tick: number;
   /** Whether you got exactly what you had missed; told in the first answer after `resume` only. */

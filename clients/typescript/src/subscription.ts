@@ -16,6 +16,7 @@ export interface Change {
   tiles: Tile[];
   /** All objects in the region, where any of them changed. */
   colliders: Collider[] | null;
+  /** Number of the state. It only grows, and may exceed 32 bits. */
   seq: number;
   tick: number;
   /** After the connection was lost: whether exactly what was missed came; null otherwise. */

@@ -27,6 +27,7 @@ export type {
   MemoryBytes,
   ListSessionsQuery as PageQuery,
   Position,
+  Preset,
   ProbeView as Probe,
   Probe as ProbeSpec,
   Problem,

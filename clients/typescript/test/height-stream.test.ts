@@ -24,6 +24,11 @@ for (const { name, hex } of vectors.wrong) {
   });
 }
 
+test("a seq that a number can't hold exactly is refused", () => {
+  // 2^53, as a varint.
+  assert.throws(() => decode(bytes("0200028080808080808010010200")), /more than 53 bits/);
+});
+
 test("damaged messages are taken or refused, and nothing else", () => {
   let state = 1;
   const random = (below: number) => {

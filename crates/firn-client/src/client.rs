@@ -191,6 +191,9 @@ async fn accepted(response: Response, what: &str) -> Result<Response, Error> {
 
 #[cfg(test)]
 mod tests {
+    use tokio::io::AsyncReadExt;
+    use tokio::net::TcpListener;
+
     use super::*;
 
     #[test]
@@ -211,6 +214,23 @@ mod tests {
         }
         let below = Client::new("http://snow.example/firn/").unwrap();
         assert_eq!(below.url("/livez"), "http://snow.example/firn/livez");
+    }
+
+    #[tokio::test]
+    async fn answers_may_come_compressed() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let client = Client::new(&format!("http://{}", listener.local_addr().unwrap())).unwrap();
+        let asking = tokio::spawn(async move { client.fetch("/livez").await.map(drop) });
+        let (mut socket, _) = listener.accept().await.unwrap();
+        let mut head = Vec::new();
+        while !head.ends_with(b"\r\n\r\n") {
+            assert_ne!(socket.read_buf(&mut head).await.unwrap(), 0);
+        }
+        asking.abort();
+        let head = String::from_utf8(head).unwrap().to_lowercase();
+        let taken = head.lines().find_map(|line| line.strip_prefix("accept-encoding: "));
+        let taken: Vec<_> = taken.unwrap().split(',').map(str::trim).collect();
+        assert!(taken.contains(&"gzip") && taken.contains(&"zstd"), "{taken:?}");
     }
 
     #[test]

@@ -70,7 +70,7 @@ pub struct Head {
     pub snapshot: bool,
     /// The subscription.
     pub id: i64,
-    /// Number of the state that is told.
+    /// Number of the state that is told. It only grows, and may exceed 32 bits.
     pub seq: u64,
     /// Ticks until that state.
     pub tick: u64,

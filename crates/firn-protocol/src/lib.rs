@@ -18,6 +18,7 @@
 //! ```
 
 mod colliders;
+mod creation;
 mod events;
 pub mod heights;
 mod probes;
@@ -31,16 +32,16 @@ mod subscription;
 mod usage;
 mod weather;
 
-pub use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Position, Shape};
+pub use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Position, Preset, Shape};
 
 pub use colliders::{ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView};
+pub use creation::{MaterialSpec, SessionBody, SessionSpec, SnowLayer, Terrain};
 pub use events::{Event, EventKind, Events};
 pub use probes::{Load, Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use problem::{FieldError, Problem};
 pub use samples::{SampleBatch, SampleField, SampleFields, SampleReply};
 pub use session::{
-    CreatedSession, SessionSpec, SessionView, Settings, SettingsPatch, SnowLayer, Stamp, State,
-    StepSpec, Summary, Terrain,
+    CreatedSession, SessionView, Settings, SettingsPatch, Stamp, State, StepSpec, Summary,
 };
 pub use snow::{ColumnView, LayerView, MassView, Reference, WeakLayerView};
 pub use store::{CompactReply, VerifyReply};

@@ -1,121 +1,9 @@
-//! Bodies of requests and answers about a session: its creation, its settings, its time and its state.
+//! Bodies of requests and answers about a session: its settings, its time and its state.
 
 use std::fmt;
-use std::sync::Arc;
 
 use firn_snow::{Grid, Material};
 use serde::{Deserialize, Deserializer, Serialize};
-
-/// Body of `POST /v1/sessions`; every field is optional.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(default, deny_unknown_fields)]
-pub struct SessionSpec {
-    /// Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none.
-    pub id: Option<String>,
-    /// Size of the grid.
-    pub grid: Grid,
-    /// Material constants.
-    pub material: Material,
-    /// Temperature of the air \[°C\], and of fresh snow.
-    #[cfg_attr(feature = "schema", schema(minimum = -40, maximum = 0))]
-    pub air_temperature: f64,
-    /// Simulated seconds per second.
-    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 1000))]
-    pub time_scale: f64,
-    /// Ticks per second \[Hz\].
-    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 240))]
-    pub tick_rate: f64,
-    /// Whether time stands still.
-    pub paused: bool,
-    /// Continuous snowfall \[m/h\].
-    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 100))]
-    pub snowfall_rate: f64,
-    /// Seconds without request or stream after which the session hibernates.
-    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 1e9))]
-    pub idle_timeout_s: Option<f64>,
-    /// Seconds without request or stream after which the session is deleted.
-    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 1e9))]
-    pub delete_after_s: Option<f64>,
-    /// Layers of snow to begin with, from the ground up.
-    pub initial_snow: Vec<SnowLayer>,
-    /// Elevation of the ground; `null` is level ground.
-    pub terrain: Option<Terrain>,
-}
-
-/// One layer of the snow a session begins with.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(deny_unknown_fields)]
-pub struct SnowLayer {
-    /// Depth \[m\].
-    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0))]
-    pub depth: f64,
-    /// Temperature \[°C\]; the air's where there is none.
-    #[cfg_attr(feature = "schema", schema(minimum = -40, maximum = 0))]
-    pub temperature: Option<f64>,
-    /// Density \[kg/m³\]; the material's `fresh_density` where there is none.
-    #[cfg_attr(feature = "schema", schema(minimum = 10, maximum = 917))]
-    pub density: Option<f64>,
-}
-
-/// Elevation of the ground under each column.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(deny_unknown_fields)]
-pub struct Terrain {
-    /// Elevations \[m\] within ±20 000, row by row: index = z · width + x.
-    #[cfg_attr(feature = "schema", schema(value_type = Vec<f64>))]
-    pub heights: Arc<[f64]>,
-}
-
-impl SnowLayer {
-    /// A depth \[m\] of fresh snow as the session's material and air make it.
-    pub fn new(depth: f64) -> SnowLayer {
-        SnowLayer { depth, temperature: None, density: None }
-    }
-}
-
-impl Default for SessionSpec {
-    fn default() -> Self {
-        SessionSpec {
-            id: None,
-            grid: Grid::default(),
-            material: Material::default(),
-            air_temperature: -3.0,
-            time_scale: 1.0,
-            tick_rate: 60.0,
-            paused: false,
-            snowfall_rate: 0.0,
-            idle_timeout_s: None,
-            delete_after_s: None,
-            initial_snow: Vec::new(),
-            terrain: None,
-        }
-    }
-}
-
-impl SessionSpec {
-    /// The settings it asks for.
-    pub fn settings(&self) -> Settings {
-        Settings {
-            air_temperature: self.air_temperature,
-            time_scale: self.time_scale,
-            tick_rate: self.tick_rate,
-            paused: self.paused,
-            snowfall_rate: self.snowfall_rate,
-            idle_timeout_s: self.idle_timeout_s,
-            delete_after_s: self.delete_after_s,
-        }
-    }
-
-    /// Lowest and highest elevation of the ground \[m\].
-    pub fn ground_range(&self) -> (f64, f64) {
-        let Some(terrain) = &self.terrain else { return (0.0, 0.0) };
-        let start = (f64::INFINITY, f64::NEG_INFINITY);
-        terrain.heights.iter().fold(start, |(low, high), &h| (low.min(h), high.max(h)))
-    }
-}
 
 /// The settings of a session that can change while it lives.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -211,7 +99,7 @@ pub struct SessionView {
     pub locked: bool,
     /// Ticks since it was created or reset.
     pub tick: u64,
-    /// Number of its newest published change.
+    /// Number of its newest published change. It only grows, and may exceed 32 bits.
     pub seq: u64,
     /// Opaque; (epoch, seq) names one state.
     pub epoch: String,
@@ -277,7 +165,7 @@ pub struct Summary {
 pub struct Stamp {
     /// Ticks since the session was created or reset.
     pub tick: u64,
-    /// Number of the newest published change.
+    /// Number of the newest published change. It only grows, and may exceed 32 bits.
     pub seq: u64,
 }
 

@@ -34,6 +34,7 @@ mod elevation;
 mod footprint;
 mod grid;
 mod material;
+mod preset;
 mod recut;
 mod sample;
 mod snowpack;
@@ -48,5 +49,6 @@ pub use grid::{
 pub use material::{
     GRAVITY, HardnessLaw, LoadDistribution, Material, REFERENCE_CELL_SIZE, gold_prefactor,
 };
+pub use preset::Preset;
 pub use sample::{Content, Floor, Sample, sample_column};
 pub use snowpack::{Progress, Snowpack};

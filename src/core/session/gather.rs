@@ -32,7 +32,7 @@ impl Outlet {
         batch: Option<&SampleBatch>,
     ) -> Gathered {
         let mirror = self.mirror();
-        let surface = Surface::new(&mirror, self.spec.terrain.as_ref());
+        let surface = Surface::new(&mirror);
         Gathered {
             stamp: stamp.unwrap_or_else(|| mirror.stamp_at(self.frame())),
             material: mirror.material,

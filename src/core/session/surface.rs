@@ -1,15 +1,12 @@
 //! The snow's surface between the columns, as the mirror has it.
 
-use firn_protocol::{SampleBatch, SampleField, SampleFields, Terrain};
+use firn_protocol::{SampleBatch, SampleField, SampleFields};
 
 use crate::core::session::Mirror;
 
 /// The surface of a snowpack on its ground.
 #[derive(Clone, Copy, Debug)]
-pub struct Surface<'a> {
-    mirror: &'a Mirror,
-    terrain: Option<&'a Terrain>,
-}
+pub struct Surface<'a>(&'a Mirror);
 
 /// The two columns along an axis between whose centres a point lies, and its part of the way.
 struct Between {
@@ -34,9 +31,9 @@ impl Between {
 }
 
 impl<'a> Surface<'a> {
-    /// The surface that a mirror shows, on its ground: level at 0 where there is no terrain.
-    pub fn new(mirror: &'a Mirror, terrain: Option<&'a Terrain>) -> Surface<'a> {
-        Surface { mirror, terrain }
+    /// The surface that a mirror shows.
+    pub fn new(mirror: &'a Mirror) -> Surface<'a> {
+        Surface(mirror)
     }
 
     /// Snow depth at a point in metres \[m\].
@@ -52,7 +49,7 @@ impl<'a> Surface<'a> {
     /// Unit vector (x, y, z) that stands on the surface there. Slopes are those between the neighbours of
     /// each column, bilinear between the centres: so it turns smoothly along the way.
     pub fn normal(&self, x: f64, z: f64) -> [f64; 3] {
-        let grid = &self.mirror.grid;
+        let grid = &self.0.grid;
         let along_x = self.between(x, z, |x, z| self.slope(x, grid.width, |x| (x, z)));
         let along_z = self.between(x, z, |x, z| self.slope(z, grid.depth, |z| (x, z)));
         let length = (along_x * along_x + 1.0 + along_z * along_z).sqrt();
@@ -82,7 +79,7 @@ impl<'a> Surface<'a> {
 
     /// A value of columns, bilinear between their centres.
     fn between(&self, x: f64, z: f64, value: impl Fn(u32, u32) -> f64) -> f64 {
-        let grid = &self.mirror.grid;
+        let grid = &self.0.grid;
         let along_x = Between::new(x, grid.cell_size, grid.width);
         let along_z = Between::new(z, grid.cell_size, grid.depth);
         along_z.mix(|z| along_x.mix(|x| value(x, z)))
@@ -95,16 +92,15 @@ impl<'a> Surface<'a> {
             let (x, z) = column(at);
             self.column_ground(x, z) + self.column_depth(x, z)
         };
-        let run = f64::from(high - low) * self.mirror.grid.cell_size;
+        let run = f64::from(high - low) * self.0.grid.cell_size;
         if run > 0.0 { (elevation(high) - elevation(low)) / run } else { 0.0 }
     }
 
     fn column_depth(&self, x: u32, z: u32) -> f64 {
-        self.mirror.grid.metres(u64::from(self.mirror.height(x, z)))
+        self.0.grid.metres(u64::from(self.0.height(x, z)))
     }
 
     fn column_ground(&self, x: u32, z: u32) -> f64 {
-        let index = z as usize * self.mirror.grid.width as usize + x as usize;
-        self.terrain.map_or(0.0, |terrain| terrain.heights[index])
+        self.0.ground.height(&self.0.grid, x, z)
     }
 }

@@ -75,6 +75,6 @@ pub async fn get(
     }
     let mirror = session.mirror();
     let stamp = mirror.stamp_at(session.frame());
-    let surface = Surface::new(&mirror, None);
+    let surface = Surface::new(&mirror);
     Ok(Answer(HeightView { stamp, height: surface.depth(point.x, point.z) }))
 }

@@ -350,7 +350,7 @@ impl Serialize for Heights {
 fn validators(tag: String) -> [(HeaderName, HeaderValue); 3] {
     [
         (header::ETAG, HeaderValue::try_from(tag).expect("an epoch is ASCII")),
-        (header::VARY, HeaderValue::from_static("accept")),
+        (header::VARY, HeaderValue::from_static("accept, accept-encoding")),
         (header::CACHE_CONTROL, HeaderValue::from_static("no-cache")),
     ]
 }

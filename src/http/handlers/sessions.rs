@@ -5,7 +5,9 @@ use axum::Json as Answer;
 use axum::extract::{FromRequest, Request, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use firn_protocol::{CreatedSession, SessionSpec, SessionView, SettingsPatch, StepSpec};
+use firn_protocol::{
+    CreatedSession, SessionBody, SessionSpec, SessionView, SettingsPatch, StepSpec,
+};
 use utoipa::IntoParams;
 
 use crate::config::Scope;
@@ -24,7 +26,8 @@ use crate::session::{Change, SNAPSHOT_MEDIA_TYPE, SessionError};
 
 /// Create a session
 ///
-/// A session owns one snowpack. Every field has a default; an empty body will do. A body that is a
+/// A session owns one snowpack. Every field has a default; an empty body will do. `preset` chooses a kind of
+/// snow; the answer tells the material and the air that have come of it. A body that is a
 /// snapshot makes the session what was saved, bit for bit; its name is `?id=` then, or a new one.
 /// It belongs to the tenant whose API key makes it, and counts for its quotas; names are those of all
 /// tenants. The tokens are told here and never again.
@@ -35,7 +38,7 @@ use crate::session::{Change, SNAPSHOT_MEDIA_TYPE, SessionError};
     tag = "sessions",
     params(CreateQuery),
     request_body(content(
-        (SessionSpec = "application/json"),
+        (SessionBody = "application/json"),
         (SnapshotBytes = "application/vnd.firn.snapshot")
     )),
     responses(

@@ -1,24 +1,15 @@
 //! The store as a whole, beside all that is written to it: a copy, a check, and a smaller file.
 
-use std::fs::File;
-use std::io::{self, Read};
-
 use axum::Json as Answer;
-use axum::body::{Body, Bytes};
+use axum::body::Body;
 use axum::extract::State;
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use firn_protocol::{CompactReply, VerifyReply};
-use futures_util::stream;
-use tokio::task::spawn_blocking;
 use utoipa::{IntoResponses, ToSchema};
 
 use crate::http::state::App;
-use crate::journal::Backup;
 use crate::problem::Problem;
-
-/// Bytes of a backup that are read at a time.
-const PIECE: usize = 256 * 1024;
 
 /// A file for a data directory.
 #[derive(ToSchema)]
@@ -67,7 +58,7 @@ pub async fn backup(State(app): State<App>) -> Result<Response, Problem> {
             HeaderValue::from_static("attachment; filename=\"firn.redb\""),
         ),
     ];
-    Ok((headers, pieces(backup)).into_response())
+    Ok((headers, Body::from_stream(app.answers.pieces(backup))).into_response())
 }
 
 /// Verify the store
@@ -99,19 +90,4 @@ pub async fn verify(State(app): State<App>) -> Result<Answer<VerifyReply>, Probl
 )]
 pub async fn compact(State(app): State<App>) -> Result<Answer<CompactReply>, Problem> {
     Ok(Answer(app.sessions.store().compact().await?))
-}
-
-/// A backup as a body, read as its client takes it.
-fn pieces(backup: Backup) -> Body {
-    Body::from_stream(stream::try_unfold(backup, async |mut backup| {
-        let read = spawn_blocking(move || Ok((read(&mut backup.file)?, backup))).await;
-        let (piece, backup) = read.unwrap_or_else(|error| Err(io::Error::other(error)))?;
-        Ok::<_, io::Error>((!piece.is_empty()).then_some((piece, backup)))
-    }))
-}
-
-fn read(file: &mut File) -> io::Result<Bytes> {
-    let mut piece = Vec::with_capacity(PIECE);
-    file.take(PIECE as u64).read_to_end(&mut piece)?;
-    Ok(piece.into())
 }

@@ -1,7 +1,8 @@
 // The dialog that creates a session.
 
-import type { CreatedSession, SessionSpec } from "firn-client";
+import type { CreatedSession, Preset, SessionSpec } from "firn-client";
 import { h, numberField } from "../dom.ts";
+import { describe, presets } from "../presets.ts";
 import { explain, server } from "../server.ts";
 
 /** Opens it; a session that was created is shown at once. */
@@ -37,6 +38,15 @@ export function createDialog(): void {
   const [cellField, cell] = numberField("Cell size", "m", { value: 0.2, min: 0.02, max: 2, required: true });
   const [snowField, snow] = numberField("Snow", "m", { value: 5.8, min: 0, max: 1000, required: true });
   const [airField, air] = numberField("Air", "°C", { value: -3, min: -40, max: 0, required: true });
+  const kinds = Object.entries(presets).map(([value, { name }]) => h("option", { value }, name));
+  const kind = h("select", { name: "preset", change: () => fill() }, ...kinds);
+  const filled = h("p", { class: "hint" });
+  const fill = () => {
+    const snow = presets[kind.value as Preset];
+    filled.textContent = describe(snow);
+    air.valueAsNumber = snow.air_temperature;
+  };
+  fill();
   const paused = h("input", { type: "checkbox" });
   const problem = h("p", { class: "problem", role: "alert" });
 
@@ -48,6 +58,7 @@ export function createDialog(): void {
       height: height.valueAsNumber,
       cell_size: cell.valueAsNumber,
     },
+    preset: kind.value as Preset,
     air_temperature: air.valueAsNumber,
     paused: paused.checked,
     initial_snow: snow.valueAsNumber > 0 ? [{ depth: snow.valueAsNumber }] : [],
@@ -89,6 +100,8 @@ export function createDialog(): void {
     { submit },
     h("h2", {}, "New session"),
     h("label", { class: "field wide" }, h("span", {}, "Name"), name),
+    h("label", { class: "field wide" }, h("span", {}, "Kind of snow"), kind),
+    filled,
     h("div", { class: "pairs" }, widthField, depthField, heightField, cellField, snowField, airField),
     h("label", { class: "check" }, paused, "Begin paused"),
     problem,

@@ -541,25 +541,22 @@ class Material(TypedDict):
 
 
 class MaterialSpec(TypedDict):
-    """Material constants of one snowpack."""
+    """Material constants of a snowpack to be made; those of its preset where there are none."""
 
-    fresh_density: NotRequired[float]
+    fresh_density: NotRequired[float | None]
     """Density of fresh snow [kg/m³], up to `max_density`."""
 
-    max_density: NotRequired[float]
+    max_density: NotRequired[float | None]
     """Density at which snow compacts no further [kg/m³]."""
 
-    stiffness_exponent: NotRequired[float]
+    stiffness_exponent: NotRequired[float | None]
     """Exponent n of the stiffness law k = ρⁿ."""
 
-    hardness_law: NotRequired[HardnessLaw]
-    """The hardness law."""
-
-    grain_size_mm: NotRequired[float]
+    hardness_law: NotRequired[HardnessLaw | None]
+    grain_size_mm: NotRequired[float | None]
     """Grain size δ [mm], read by the law `gold` only."""
 
-    load_distribution: NotRequired[LoadDistribution]
-    """How loads spread with depth."""
+    load_distribution: NotRequired[LoadDistribution | None]
 
 
 class MemoryBytes(TypedDict):
@@ -645,6 +642,9 @@ class Position(TypedDict):
 
     z: float
     """Along z [m]."""
+
+
+Preset: TypeAlias = Literal["thesis", "powder", "packed", "wet", "game"]
 
 
 class Probe(TypedDict):
@@ -772,10 +772,17 @@ class Resume(TypedDict):
 
 
 Seq: TypeAlias = int
+"""
+Number of the newest published change. It only grows, by how much depends on what else the server does; it may exceed
+32 bits.
+"""
 
 
 class SessionSpec(TypedDict):
     """Body of `POST /v1/sessions`; every field is optional."""
+
+    preset: NotRequired[Preset]
+    """Kind of snow: fills what `material` and `air_temperature` leave out."""
 
     id: NotRequired[str | None]
     """Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none."""
@@ -786,8 +793,8 @@ class SessionSpec(TypedDict):
     material: NotRequired[MaterialSpec]
     """Material constants."""
 
-    air_temperature: NotRequired[float]
-    """Temperature of the air [°C], and of fresh snow."""
+    air_temperature: NotRequired[float | None]
+    """Temperature of the air [°C], and of fresh snow; the preset's where there is none."""
 
     time_scale: NotRequired[float]
     """Simulated seconds per second."""
@@ -882,7 +889,7 @@ class SessionView(Settings):
     """Ticks since it was created or reset."""
 
     seq: int
-    """Number of its newest published change."""
+    """Number of its newest published change. It only grows, and may exceed 32 bits."""
 
     epoch: str
     """Opaque; (epoch, seq) names one state."""
@@ -1041,7 +1048,7 @@ class Stamp(TypedDict):
     """Ticks since the session was created or reset."""
 
     seq: int
-    """Number of the newest published change."""
+    """Number of the newest published change. It only grows, and may exceed 32 bits."""
 
 
 class AirTemperatureReply(Stamp):

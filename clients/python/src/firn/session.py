@@ -46,6 +46,7 @@ class Heights:
     """[m], shape (depth, width): `heights[z, x]`."""
     tick: int
     seq: int
+    """Number of the state. It only grows, and may exceed 32 bits."""
 
 
 class Session:

@@ -22,6 +22,7 @@ class Change:
 
     tick: int = 0
     seq: int = 0
+    """Number of the state. It only grows, and may exceed 32 bits."""
     parts: list[tuple[slice, slice]] = field(default_factory=list)
     """Where heights changed: `subscription.heights[part]` for each."""
     colliders: bool = False

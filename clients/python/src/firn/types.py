@@ -25,6 +25,7 @@ Material = generated.Material
 MaterialSpec = generated.MaterialSpec
 MemoryBytes = generated.MemoryBytes
 Position = generated.Position
+Preset = generated.Preset
 Probe = generated.ProbeView
 ProbeSpec = generated.Probe
 Readiness = generated.Readiness

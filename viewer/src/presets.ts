@@ -1,0 +1,28 @@
+// What each preset fills in; docs/model.md has the same, and where the values come from.
+
+import type { Material, Preset } from "firn-client";
+
+/** A kind of snow. */
+export interface Snow extends Pick<Material, "fresh_density" | "max_density" | "hardness_law" | "grain_size_mm"> {
+  name: string;
+  air_temperature: number;
+}
+
+/** Every preset, by the name that the API knows it by; the first is the default. */
+export const presets: Record<Preset, Snow> = {
+  thesis: snow("As in the thesis", 20, 100, -3),
+  powder: snow("Powder", 30, 300, -10),
+  packed: snow("Packed", 400, 600, -5),
+  wet: snow("Wet", 100, 600, 0),
+  game: { ...snow("For games", 60, 450, -3), hardness_law: "gold", grain_size_mm: 10 },
+};
+
+function snow(name: string, fresh_density: number, max_density: number, air_temperature: number): Snow {
+  return { name, fresh_density, max_density, hardness_law: "calibrated", grain_size_mm: 0.5, air_temperature };
+}
+
+/** The values of its material, in a line. */
+export function describe({ fresh_density, max_density, hardness_law, grain_size_mm }: Snow): string {
+  const grains = hardness_law === "gold" ? `, grains of ${grain_size_mm} mm` : "";
+  return `${fresh_density} to ${max_density} kg/m³, hardness law ${hardness_law}${grains}`;
+}
