@@ -120,7 +120,8 @@ impl Portions {
             return work;
         }
         self.under_way = Some(work.slot);
-        Work { limit: Some(self.size), ..work }
+        let awake = u32::try_from(self.awake).ok();
+        Work { limit: Some(self.size), awake, ..work }
     }
 
     /// Goes on with the work that is under way, of which the end is published or not.

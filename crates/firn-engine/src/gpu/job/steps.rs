@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use firn_snow::TILE_COLUMNS;
+use firn_snow::{ColumnRect, TILE_COLUMNS};
 
 use crate::frame::{Edit, Run, Work, contact_units};
 use crate::gpu::resident::Resident;
@@ -50,13 +50,15 @@ impl Job {
                 true
             }
             Stage::Snow => {
-                let rows = resident.layout.grid.tiles_z();
-                let row = cells * u64::from(resident.row.tiles_x) * EDIT;
-                if self.snows() {
-                    let range = self.take(most, row, rows);
-                    part.add(row * range.len() as u64, Step::Snow(range));
-                }
-                if self.next == rows || !self.snows() {
+                let Some(tiles) = self.snowed() else {
+                    self.enter(Stage::Objects);
+                    return false;
+                };
+                let row = cells * u64::from(tiles.x1 - tiles.x0) * EDIT;
+                self.next = self.next.max(tiles.z0);
+                let range = self.take(most, row, tiles.z1);
+                part.add(row * range.len() as u64, Step::Snow(range));
+                if self.next == tiles.z1 {
                     self.enter(Stage::Objects);
                 }
                 false
@@ -131,7 +133,9 @@ impl Job {
         self.tell_cycles(part);
         let (cells, tiles) = (cells_of(resident), tiles_of(resident));
         if self.stage == Stage::Free {
-            let units = cells * u64::from(self.at_once);
+            // Those at rest are among the others anywhere.
+            let awake = self.awake(resident) * cells * u64::from(self.at_once);
+            let units = awake.div_ceil(u64::from(tiles));
             let range = self.take(most, units, tiles);
             part.add(units * range.len() as u64, Step::Free(range));
             if self.next == tiles {
@@ -179,9 +183,19 @@ impl Job {
         first..self.next
     }
 
-    /// Whether snow falls or is cleared in the round.
-    fn snows(&self) -> bool {
-        self.round().iter().any(|(_, e)| matches!(e, Edit::Deposit(_) | Edit::Clear { .. }))
+    /// The smallest rectangle of tiles in which the round lets all of its snow fall and be cleared, if any.
+    fn snowed(&self) -> Option<ColumnRect> {
+        let tiles = |(_, edit): &(u32, Edit)| match edit {
+            Edit::Deposit(fall) => Some(fall.columns.tiles()),
+            Edit::Clear { columns, .. } => Some(columns.tiles()),
+            _ => None,
+        };
+        self.round().iter().filter_map(tiles).reduce(|all, own| ColumnRect {
+            x0: all.x0.min(own.x0),
+            z0: all.z0.min(own.z0),
+            x1: all.x1.max(own.x1),
+            z1: all.z1.max(own.z1),
+        })
     }
 
     fn touch(&mut self, resident: &Resident, most: u64, when: When, then: Stage, part: &mut Part) {
@@ -238,11 +252,17 @@ impl Job {
             self.enter(if gathers { Stage::Gather } else { Stage::Over });
             return;
         }
-        let units = cells_of(resident) * resident.lot.places.len() as u64;
+        let units = cells_of(resident) * self.awake(resident);
         let fitting = u32::try_from(most / units.max(1)).unwrap_or(u32::MAX).max(1);
         (self.at_once, self.cycle) = (fitting.min(left), 0);
         let evaluated = std::mem::take(&mut self.evaluated) || resident.bodies.is_empty();
         self.enter(if evaluated { Stage::Free } else { Stage::Touch });
+    }
+
+    /// Most tiles that may be awake.
+    fn awake(&self, resident: &Resident) -> u64 {
+        let tiles = tiles_of(resident);
+        self.work.awake.map_or(tiles, |awake| awake.min(tiles)).into()
     }
 
     /// Ends a cycle of the tiles under objects; where there are none, all that are taken at once. Returns
