@@ -19,6 +19,7 @@ mod server;
 mod sessions;
 mod snapshots;
 mod snow;
+mod snowing;
 mod strangers;
 #[path = "../support/mod.rs"]
 mod support;

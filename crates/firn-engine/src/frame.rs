@@ -77,9 +77,6 @@ pub struct Work {
     /// them where there is none. What is left is done by frames that resume it, and reported by the last.
     /// Nothing else is to be done to the snowpack before that. At least something is done in each frame.
     pub limit: Option<u64>,
-    /// Most tiles that may be awake after the edits, where that is known: the others cost nothing in a cycle, so
-    /// more of it fits the limit.
-    pub awake: Option<u32>,
 }
 
 impl Work {

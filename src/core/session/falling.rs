@@ -11,7 +11,7 @@ use crate::core::session::Command;
 const LEAST: f64 = (CELL / 256) as f64;
 
 /// Fewest columns of a band: less takes no time worth speaking of, on any device.
-const LEAST_COLUMNS: u64 = 1 << 13;
+const LEAST_COLUMNS: u64 = 1 << 12;
 
 /// Snow of one tick, in quanta of one column.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -289,8 +289,8 @@ mod tests {
         for (tick, columns, _) in deposits {
             *ticks.entry(tick).or_default() += columns.end - columns.start;
         }
-        // It takes 169 ticks until h/256 has fallen, and there are 62 bands.
-        assert!(ticks.values().all(|rows| *rows <= 24), "{:?}", ticks.values().max());
+        // It takes 169 ticks until h/256 has fallen, and there are 126 bands, of a row of tiles each.
+        assert!(ticks.values().all(|rows| *rows <= 8), "{:?}", ticks.values().max());
     }
 
     #[test]

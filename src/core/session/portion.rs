@@ -120,8 +120,7 @@ impl Portions {
             return work;
         }
         self.under_way = Some(work.slot);
-        let awake = u32::try_from(self.awake).ok();
-        Work { limit: Some(self.size), awake, ..work }
+        Work { limit: Some(self.size), ..work }
     }
 
     /// Goes on with the work that is under way, of which the end is published or not.

@@ -25,7 +25,7 @@ pub mod stopwatch;
 mod survey;
 mod tables;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::{Duration, Instant};
 
 use super::frame::{Backend, DeviceInfo, EngineError, Frame, Outcome, Slot, WorkOutcome};
@@ -58,6 +58,8 @@ pub struct GpuBackend {
     submitted: Instant,
     /// Parts of work in the frame in flight, by their places in it.
     flown: BTreeMap<usize, Flown>,
+    /// Cycles of each work in it, those of a part's whole work where it is one.
+    cycles: Vec<u32>,
     always_awake: bool,
     one_by_one: bool,
     turns: u32,
@@ -120,6 +122,7 @@ impl GpuBackend {
             outcomes: VecDeque::new(),
             submitted: Instant::now(),
             flown: BTreeMap::new(),
+            cycles: Vec::new(),
             always_awake,
             one_by_one: false,
             turns: 0,
@@ -187,6 +190,9 @@ impl Backend for GpuBackend {
         let unfurnished = self.arena.begin_to_furnish(&lot, ground);
         let units = self.arena.units_to_furnish(&lot, &unfurnished);
         let mut resident = Resident::new(lot, layout, unfurnished);
+        if self.always_awake {
+            resident.awake = None;
+        }
         if units <= FURNISHED_AT_ONCE {
             self.arena.furnish(&self.device, &mut resident, u64::MAX);
         }
@@ -261,10 +267,24 @@ impl GpuBackend {
                 for (place, flown) in std::mem::take(&mut self.flown) {
                     self.take_in(&mut outcome.work[place], &flown);
                 }
+                self.note_rest(&outcome.work);
                 self.outcomes.push_back(outcome);
                 Ok(true)
             }
             None => Ok(false),
+        }
+    }
+
+    /// Notes of which snowpacks all tiles are at rest: those in which the last cycle changed nothing.
+    fn note_rest(&mut self, outcomes: &[WorkOutcome]) {
+        for (outcome, cycles) in outcomes.iter().zip(&self.cycles) {
+            let rests = outcome.last_change < *cycles && !outcome.unfinished;
+            if rests
+                && !self.always_awake
+                && let Some(resident) = self.residents.get_mut(outcome.slot)
+            {
+                resident.awake = Some(BTreeSet::new());
+            }
         }
     }
 

@@ -131,14 +131,14 @@ impl Job {
     /// Goes on with compaction.
     fn compact(&mut self, resident: &Resident, most: u64, part: &mut Part) -> bool {
         self.tell_cycles(part);
-        let (cells, tiles) = (cells_of(resident), tiles_of(resident));
+        let cells = cells_of(resident);
         if self.stage == Stage::Free {
-            // Those at rest are among the others anywhere.
-            let awake = self.awake(resident) * cells * u64::from(self.at_once);
-            let units = awake.div_ceil(u64::from(tiles));
-            let range = self.take(most, units, tiles);
-            part.add(units * range.len() as u64, Step::Free(range));
-            if self.next == tiles {
+            let list: Vec<u32> = resident.free().collect();
+            let units = cells * u64::from(self.at_once);
+            let range = self.take(most, units, list.len() as u32);
+            let tiles = list[range.start as usize..range.end as usize].to_vec();
+            part.add(units * tiles.len() as u64, Step::Free(tiles));
+            if self.next as usize == list.len() {
                 self.enter(Stage::Loaded);
             }
             return false;
@@ -252,17 +252,11 @@ impl Job {
             self.enter(if gathers { Stage::Gather } else { Stage::Over });
             return;
         }
-        let units = cells_of(resident) * self.awake(resident);
+        let units = cells_of(resident) * (resident.most_free() + resident.loads.len()) as u64;
         let fitting = u32::try_from(most / units.max(1)).unwrap_or(u32::MAX).max(1);
         (self.at_once, self.cycle) = (fitting.min(left), 0);
         let evaluated = std::mem::take(&mut self.evaluated) || resident.bodies.is_empty();
         self.enter(if evaluated { Stage::Free } else { Stage::Touch });
-    }
-
-    /// Most tiles that may be awake.
-    fn awake(&self, resident: &Resident) -> u64 {
-        let tiles = tiles_of(resident);
-        self.work.awake.map_or(tiles, |awake| awake.min(tiles)).into()
     }
 
     /// Ends a cycle of the tiles under objects; where there are none, all that are taken at once. Returns
