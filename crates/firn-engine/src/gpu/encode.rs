@@ -22,8 +22,7 @@ impl GpuBackend {
     /// [`EngineError::DeviceFailed`] where there is work for a snowpack that is not there.
     pub(super) fn carry_out(&mut self, mut frame: Frame) -> Result<(), EngineError> {
         let parted = self.part(&mut frame);
-        self.cycles.clear();
-        self.cycles.extend(frame.work.iter().map(|work| work.run.cycles));
+        let mut cycles: Vec<u32> = frame.work.iter().map(|work| work.run.cycles).collect();
         let survey = Survey::new(&mut frame, &self.residents)?;
         let Survey { mut rounds, mut parts, mut totals, .. } = survey;
         for (&place, part) in &parted {
@@ -66,12 +65,12 @@ impl GpuBackend {
             let Some(mut job) = resident.job.take() else { continue };
             planner.part(slot, resident, &mut job, part, parts[place].edits.start);
             flown.insert(place, job.flown(part));
-            self.cycles[place] = job.cycles();
+            cycles[place] = job.cycles();
             resident.job = Some(job);
         }
         planner.reports(residents, &frame.work, &totals);
         let dispatches = planner.dispatches;
-        self.flown = flown;
+        (self.flown, self.cycles) = (flown, cycles);
         self.encode(&mut encoder, &dispatches);
         if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
             self.tables.due.clear(&mut encoder);
