@@ -105,12 +105,10 @@ impl Resident {
     }
 
     /// Tiles under no object that a cycle may change.
-    pub fn free(&self) -> Box<dyn Iterator<Item = u32> + '_> {
-        let tiles: Box<dyn Iterator<Item = u32>> = match &self.awake {
-            Some(awake) => Box::new(awake.iter().copied()),
-            None => Box::new(0..self.lot.places.len() as u32),
-        };
-        Box::new(tiles.filter(|tile| !self.loads.contains_key(tile)))
+    pub fn free(&self) -> impl Iterator<Item = u32> + '_ {
+        let all = if self.awake.is_none() { self.lot.places.len() as u32 } else { 0 };
+        let tiles = self.awake.iter().flatten().copied().chain(0..all);
+        tiles.filter(|tile| !self.loads.contains_key(tile))
     }
 
     /// How many they are at the most.

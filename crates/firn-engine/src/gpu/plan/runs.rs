@@ -116,7 +116,8 @@ impl Planner<'_> {
         for work in work.iter().filter(|work| work.run.cycles > 0) {
             let Some(resident) = residents.get(work.slot) else { continue };
             for tile in resident.free().chain(resident.loads.keys().copied()) {
-                let list = lists.entry(resident.page(tile)).or_default();
+                let list = lists.entry(resident.page(tile));
+                let list = list.or_insert_with(|| Vec::with_capacity(FEW_TILES));
                 list.push(resident.lot.tiles.start + tile);
             }
         }
