@@ -262,12 +262,15 @@ impl GpuBackend {
         let arrived = self.readback.fetch(&self.device, &self.arena, &self.tables, patience);
         self.device.check()?;
         match arrived? {
-            Some(mut outcome) => {
+            Some((mut outcome, awake)) => {
                 outcome.took = self.submitted.elapsed();
                 for (place, flown) in std::mem::take(&mut self.flown) {
                     self.take_in(&mut outcome.work[place], &flown);
                 }
                 self.note_rest(&outcome.work);
+                for (slot, awake) in awake {
+                    self.note_awake(slot, awake);
+                }
                 self.outcomes.push_back(outcome);
                 Ok(true)
             }
@@ -277,14 +280,20 @@ impl GpuBackend {
 
     /// Notes of which snowpacks all tiles are at rest: those in which the last cycle changed nothing.
     fn note_rest(&mut self, outcomes: &[WorkOutcome]) {
-        for (outcome, cycles) in outcomes.iter().zip(&self.cycles) {
-            let rests = outcome.last_change < *cycles && !outcome.unfinished;
-            if rests
-                && !self.always_awake
-                && let Some(resident) = self.residents.get_mut(outcome.slot)
-            {
-                resident.awake = Some(BTreeSet::new());
+        let cycles = std::mem::take(&mut self.cycles);
+        for (outcome, cycles) in outcomes.iter().zip(&cycles) {
+            if outcome.last_change < *cycles && !outcome.unfinished {
+                self.note_awake(outcome.slot, Some(BTreeSet::new()));
             }
+        }
+    }
+
+    /// Notes which tiles of a snowpack may be awake.
+    fn note_awake(&mut self, slot: Slot, awake: Option<BTreeSet<u32>>) {
+        if let Some(resident) = self.residents.get_mut(slot)
+            && !self.always_awake
+        {
+            resident.awake = awake;
         }
     }
 

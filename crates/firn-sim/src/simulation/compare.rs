@@ -130,8 +130,7 @@ impl Simulation {
     }
 
     fn compare_session(&mut self, name: &'static str) -> Result<(), String> {
-        let model = &self.models[name];
-        let (grid, let_fall) = (model.spec.grid, |fallen, tick| model.let_fall(fallen, tick));
+        let grid = self.models[name].spec.grid;
         let look = async |sessions: Sessions| {
             let session = sessions.get(name)?;
             // Reads may overtake changes of which nobody waits for the end.
@@ -150,7 +149,7 @@ impl Simulation {
                 }
                 let objects = objects.iter();
                 Some(Found {
-                    fallen: let_fall(quanta(mass.fallen, &grid), mass.stamp.tick),
+                    fallen: self.models[name].let_fall(quanta(mass.fallen, &grid), mass.stamp.tick),
                     cleared: quanta(mass.cleared, &grid),
                     air: view.settings.air_temperature as i32,
                     paused: view.settings.paused,

@@ -16,7 +16,7 @@ use crate::gpu::survey::Totals;
 use super::{Dispatch, Planner};
 
 /// Tiles that the host lists at the most, whether they are awake or not.
-const FEW_TILES: usize = 512;
+pub const FEW_TILES: usize = 512;
 
 /// Objects and the tiles under them, on the snowpacks that run: those with the most cycles first, so
 /// that each cycle concerns the first of every list.
