@@ -1,5 +1,5 @@
 // Packs the heights of the tiles that changed since the last publication, in the order of the tiles,
-// and counts the tiles that are awake: a workgroup for each group of 64 tiles, a thread for each
+// and tells which tiles are awake, and how many: a workgroup for each group of 64 tiles, a thread for each
 // tile to look, then all threads to copy.
 
 var<immediate> work: Pass;
@@ -20,6 +20,7 @@ const THREADS: u32 = 64u;
 const VECTORS: u32 = TILE_COLUMNS / 4u;
 
 var<workgroup> changed: array<atomic<u32>, 2>;
+var<workgroup> awake: array<atomic<u32>, 2>;
 var<workgroup> first: u32;
 
 @compute @workgroup_size(64)
@@ -38,6 +39,7 @@ fn publish(
             let state = atomicAnd(&states[tile], ~DIRTY);
             if (state & AWAKE) != 0u {
                 atomicAdd(&tallies[runs[session].tally].active_tiles, 1u);
+                atomicOr(&awake[thread / 32u], 1u << (thread % 32u));
             }
             if (state & DIRTY) != 0u {
                 atomicOr(&changed[thread / 32u], 1u << (thread % 32u));
@@ -51,7 +53,8 @@ fn publish(
         if count > 0u {
             first = atomicAdd(&packed_count, count);
         }
-        packed_groups[index] = PackedGroup(mask.x, mask.y, first);
+        packed_groups[index] =
+            PackedGroup(mask.x, mask.y, atomicLoad(&awake[0]), atomicLoad(&awake[1]), first);
     }
     workgroupBarrier();
     // 16 threads copy a tile.

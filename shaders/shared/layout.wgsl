@@ -168,6 +168,8 @@ struct OperationResult {
 struct PackedGroup {
     changed_low: u32,
     changed_high: u32,
+    awake_low: u32,
+    awake_high: u32,
     first: u32,
 }
 

@@ -34,6 +34,9 @@ pub enum Case {
     Vehicle,
     /// The same beside a session that is asked for its mass all the time
     VehicleAwake,
+    /// 2048²×50 with 1 m of snow at rest, on which 1 m falls in an hour: the average of 169 frames, in which
+    /// every column gets what is deposited at once
+    Snowfall,
     /// Creating a 50³ session and reading its first heights
     Create,
 }
@@ -82,6 +85,7 @@ impl Case {
             Case::CrowdRest => "crowd-rest",
             Case::Vehicle => "vehicle",
             Case::VehicleAwake => "vehicle-awake",
+            Case::Snowfall => "snowfall",
             Case::Create => "create",
         }
     }
@@ -98,7 +102,7 @@ impl Case {
             Case::World => (Quantity::CopyShare, 0.75),
             Case::Crowd => (Quantity::Seconds, 8e-3),
             Case::CrowdPublished => (Quantity::Seconds, 15e-3),
-            Case::CrowdRest => (Quantity::Seconds, 0.3e-3),
+            Case::CrowdRest | Case::Snowfall => (Quantity::Seconds, 0.3e-3),
             Case::Vehicle | Case::VehicleAwake => (Quantity::Seconds, 0.15e-3),
             Case::Create => (Quantity::Seconds, 5e-3),
         }

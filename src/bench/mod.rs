@@ -9,6 +9,7 @@ mod frames;
 mod host;
 mod report;
 mod single;
+mod snowfall;
 mod spread;
 mod thesis;
 
@@ -102,6 +103,7 @@ pub fn run(plan: &Plan, observe: &mut dyn FnMut(&str)) -> Result<Report, BenchEr
         thesis::measure(plan, &device, &mut report, observe)?;
     }
     single::measure(plan, &mut report, observe)?;
+    snowfall::measure(plan, &mut report, observe)?;
     crowd::measure(plan, &mut report, observe)?;
     report.compare();
     Ok(report)

@@ -89,12 +89,18 @@ pub struct Options {
     /// Columns that each client watches.
     #[arg(long, default_value = "32x32", value_name = "COLUMNS")]
     region: Extent,
-    /// Columns of each session; each is 0.2 m wide and begins with 2 m of fresh snow.
+    /// Columns of each session, each 0.2 m wide.
     #[arg(long, default_value = "128x128", value_name = "COLUMNS")]
     grid: Extent,
     /// Cells that a column can hold.
     #[arg(long, default_value_t = 20, value_name = "CELLS")]
     height: u32,
+    /// Fresh snow that the sessions begin with, in metres.
+    #[arg(long, default_value_t = 2.0, value_name = "METRES")]
+    snow: f64,
+    /// Snow that falls in them during the run, in metres an hour.
+    #[arg(long, default_value_t = 0.0, value_name = "RATE")]
+    snowfall_rate: f64,
     /// Let snow fall instead of watching it: each client asks for a little, waits until that is
     /// durable, and asks again. The sessions are paused.
     #[arg(long)]
@@ -160,6 +166,8 @@ impl Options {
             tick_rate: self.tick_rate,
             max_rate: self.max_rate,
             duration: self.duration,
+            snow: self.snow,
+            snowfall_rate: self.snowfall_rate,
             settled: self.settled,
             server_pid: self.server_pid,
         })

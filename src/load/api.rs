@@ -10,9 +10,6 @@ use serde_json::Value;
 
 use super::{CELL_SIZE, LoadError, Plan};
 
-/// Snow at the beginning \[m\].
-const SNOW: f64 = 2.0;
-
 /// Simulated time after which snow counts as settled \[s\].
 const LONGEST_SETTLING: f64 = 600.0;
 
@@ -38,7 +35,10 @@ impl Api {
             grid: Grid { width, depth, height, cell_size: CELL_SIZE },
             tick_rate: plan.tick_rate,
             paused: true,
-            initial_snow: vec![SnowLayer::new(SNOW)],
+            initial_snow: (plan.snow > 0.0)
+                .then(|| SnowLayer::new(plan.snow))
+                .into_iter()
+                .collect(),
             ..SessionSpec::default()
         })
         .await
@@ -78,6 +78,12 @@ impl Api {
             ..StepSpec::default()
         };
         Ok(self.session(id)?.step(&step).await.map(drop)?)
+    }
+
+    /// Lets snow fall in a session all the time, at a rate \[m/h\].
+    pub async fn snow_at(&self, id: &str, rate: f64) -> Result<(), LoadError> {
+        let settings = SettingsPatch { snowfall_rate: Some(rate), ..SettingsPatch::default() };
+        Ok(self.session(id)?.set(&settings).await.map(drop)?)
     }
 
     /// Sets a session running.

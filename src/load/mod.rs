@@ -154,6 +154,7 @@ async fn prepare(plan: &Plan, api: &Api, ids: &[String]) -> Result<(), LoadError
         if plan.settled {
             api.settle(id).await?;
         }
+        api.snow_at(id, plan.snowfall_rate).await?;
         api.unpause(id).await?;
     }
     Ok(())

@@ -61,6 +61,10 @@ pub struct Plan {
     pub max_rate: f64,
     /// Length of the run.
     pub duration: Duration,
+    /// Fresh snow that each session begins with \[m\].
+    pub snow: f64,
+    /// Snow that falls in them during the run \[m/h\].
+    pub snowfall_rate: f64,
     /// Whether the snow has settled before the run.
     pub settled: bool,
     /// The server's process, where its memory is to be measured.

@@ -112,6 +112,10 @@ async fn what_lived_through_a_kill_equals_a_twin_that_was_stepped(backend: Backe
         let mut spec = session(id);
         spec["tick_rate"] = json!([60, 45, 13][i % 3]);
         spec["snowfall_rate"] = json!([60, 0, 3, 100][i % 4]);
+        if i % 4 == 2 {
+            // Large enough to have its snow in two bands.
+            spec["grid"]["depth"] = json!(400);
+        }
         spec
     };
     let paused = |paused: bool| (Method::PATCH, String::new(), json!({ "paused": paused }));

@@ -149,7 +149,10 @@ fn host_and_shaders_agree_on_every_struct() {
     compare_layout!(module, LoadJob { tile, first_load, loads, padding });
     compare_layout!(module, EditJob { tile, first_operation, operations, padding });
     compare_layout!(module, Operation { columns, snow, kind, result, padding });
-    compare_layout!(module, PackedGroup { changed_low, changed_high, first });
+    compare_layout!(
+        module,
+        PackedGroup { changed_low, changed_high, awake_low, awake_high, first }
+    );
     compare_layout!(module, OperationResult { low, high });
     compare_layout!(module, ColumnJob { first_column, columns, cells, first });
     compare_layout!(module, ColumnCell { mass, thickness, temperature, stress });

@@ -22,6 +22,7 @@ mod server;
 mod sessions;
 mod snapshots;
 mod snow;
+mod snowing;
 mod strangers;
 #[path = "../support/mod.rs"]
 mod support;

@@ -3,6 +3,7 @@
 mod state;
 
 use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use firn::session::Applied;
@@ -189,7 +190,7 @@ impl Model {
             let parts_of = |state: &Option<State>| state.as_ref().map(|state| parts(state.fallen));
             return Err(format!(
                 "it is {found:?} ({:?} parts of snow); it was {before:?} ({:?}), then {asked:?}",
-                found.as_ref().map(|found| parts(found.fallen)),
+                found.as_ref().map(|found| parts(*found.fallen.start())),
                 before.iter().map(parts_of).collect::<Vec<_>>(),
             ));
         }
@@ -261,6 +262,21 @@ impl Model {
             Operation::Reset => state = State { token: state.token, ..begin(state.origin) },
         }
         Some(state)
+    }
+
+    /// What clients may have let fall of a mass that has fallen up to a tick, in quanta. What falls by itself is
+    /// deposited when a 256th part of a cell has fallen, on the average column no later.
+    pub fn let_fall(&self, fallen: u128, tick: u64) -> RangeInclusive<u128> {
+        let SessionSpec { snowfall_rate, tick_rate, time_scale, grid, .. } = &self.spec;
+        if *snowfall_rate == 0.0 {
+            return fallen..=fallen;
+        }
+        let hours = tick as f64 * time_scale / tick_rate / 3600.0;
+        // Less than a quantum of each column stays in the air, and sums are rounded.
+        let rounding = u128::from(grid.columns()) * 2;
+        let by_itself = self.mass(snowfall_rate * hours);
+        let late = self.mass(metres(1, grid)) + rounding;
+        fallen.saturating_sub(by_itself + rounding)..=fallen.saturating_sub(by_itself) + late
     }
 
     /// Mass of fresh snow of a depth \[m\] everywhere, in quanta.

@@ -210,13 +210,19 @@ impl Simulation {
 /// What a session is made with.
 fn spec(name: &str, dice: &mut SmallRng) -> SessionSpec {
     let side = [8, 9, 16][dice.random_range(0..3)];
-    let grid = Grid { width: side, depth: 8, height: 6, cell_size: 0.2 };
+    let mut grid = Grid { width: side, depth: 8, height: 6, cell_size: 0.2 };
+    let snowfall_rate = [0.0, 0.0, 2.0, 40.0][dice.random_range(0..4)];
+    if snowfall_rate > 0.0 && dice.random_bool(0.5) {
+        // Large enough to have its snow in two bands.
+        grid.depth = 8192 / grid.width + 64;
+    }
     let mut spec = SessionSpec {
         id: Some(name.to_owned()),
         grid,
         tick_rate: [7.0, 20.0, 60.0, 144.0][dice.random_range(0..4)],
         paused: dice.random_bool(0.3),
         initial_snow: vec![SnowLayer::new(metres(dice.random_range(50..800), &grid))],
+        snowfall_rate,
         idle_timeout_s: dice.random_bool(0.5).then_some(1.0),
         ..SessionSpec::default()
     };

@@ -56,7 +56,11 @@ impl SessionState {
                 }
                 orders.changed |= new != old || stiffness;
                 self.settings = new;
-                Disturbed { tiles: None, all: rate || stiffness }
+                // What has fallen doesn't hang in the air for ever.
+                let stops = new.snowfall_rate == 0.0;
+                let rest = stops.then(|| self.falling.lay_rest(&self.grid)).flatten();
+                let tiles = rest.and_then(|rest| self.apply(&rest, orders).tiles);
+                Disturbed { tiles, all: rate || stiffness }
             }
             Command::Ground(ground) => {
                 orders.edits.push(Edit::SetGround(ground.heights().clone()));

@@ -104,7 +104,7 @@ pub(crate) enum Told {
 impl Orders {
     /// Whether there is something that a frame is to be made for.
     pub fn are_urgent(&self) -> bool {
-        !self.edits.is_empty() || self.want_answers() || self.changes >= MOST_CHANGES
+        self.are_awaited() || self.changes >= MOST_CHANGES
     }
 
     /// Cells of the fixed grid and of columns that are wanted.
@@ -113,12 +113,8 @@ impl Orders {
         self.samples.iter().map(|(wanted, _)| wanted.cells()).chain(columns).sum()
     }
 
-    /// Whether a frame is to be published at once.
-    pub fn want_answers(&self) -> bool {
-        self.are_awaited() || !self.counted.is_empty()
-    }
-
-    /// Whether somebody waits for the frame: nobody does for snow that falls by itself.
+    /// Whether somebody waits for the frame, which is published at once then: nobody does for snow that falls by
+    /// itself.
     pub fn are_awaited(&self) -> bool {
         !self.replies.is_empty() || self.want_reads()
     }

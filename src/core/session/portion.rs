@@ -26,8 +26,8 @@ const FIRST: u64 = 1 << 20;
 /// The same where it is brought back.
 const FIRST_OF_REPLAY: u64 = 1 << 23;
 
-/// Fewest units of a frame: less takes no time worth speaking of, on any device.
-const LEAST: u64 = 1 << 16;
+/// Fewest units of a frame: on any device less takes no longer than the parts that it would be done in.
+const LEAST: u64 = 1 << 18;
 
 /// Units of a column on which snow falls or is cleared.
 const FALL: u64 = 4;
@@ -255,8 +255,8 @@ mod tests {
         assert_eq!(fitted(FIRST, false, 1), FIRST, "it had no more to do");
         assert_eq!(fitted(FIRST, true, 4), 2 * FIRST);
         assert_eq!(fitted(2 * FIRST, true, 20), FIRST / 2);
-        assert_eq!(fitted(FIRST / 2, true, 5000), FIRST / 16);
-        assert_eq!(fitted(FIRST / 16, true, 5000), LEAST);
+        assert_eq!(fitted(FIRST / 2, true, 5000), LEAST);
         assert_eq!(fitted(100 * FIRST, false, 20), LEAST, "others were in the way");
+        assert_eq!(fitted(LEAST, true, 4), 2 * LEAST);
     }
 }

@@ -233,13 +233,14 @@ impl Simulation {
             || self.next.are_urgent()
     }
 
-    /// Deposits the continuous snowfall, once there is enough of it.
+    /// Deposits the continuous snowfall, where there is enough of it. Nobody waits for that: it goes with the
+    /// next frame.
     pub(crate) fn deposit_falling(&mut self) {
-        let (tick, snowing) = (self.state.clock.tick(), self.state.snowing());
-        if let Some((depth, mass)) = self.state.falling.take(tick, snowing) {
-            let celsius = self.state.settings.air_temperature as f32;
-            let columns = self.state.grid.all();
-            self.carry_out(&Command::Deposit { columns, depth, mass, celsius });
+        let SessionState { clock, settings, grid, .. } = &self.state;
+        let (tick, celsius, grid) = (clock.tick(), settings.air_temperature as f32, *grid);
+        let snowing = self.state.snowing();
+        for command in self.state.falling.lay(tick, snowing, celsius, &grid) {
+            self.carry_out(&command);
         }
     }
 

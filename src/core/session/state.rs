@@ -54,6 +54,11 @@ impl SessionState {
         let rate = self.settings.snowfall_rate;
         Snowing::new(rate, self.material.fresh_density, self.clock.dt(), &self.grid)
     }
+
+    /// Ticks until snow that falls by itself is laid somewhere; none where it doesn't snow.
+    pub fn ticks_until_snow(&self) -> Option<u64> {
+        self.falling.ticks_until_due(self.clock.tick(), self.snowing(), &self.grid)
+    }
 }
 
 impl Collider {

@@ -71,7 +71,7 @@ impl Simulation {
         let mut orders = std::mem::take(&mut self.next);
         let publish = match &self.replay {
             Some(replay) => replay.publishes(),
-            None => orders.want_answers() || (self.is_to_publish(turn) && self.unpublished),
+            None => orders.are_awaited() || (self.is_to_publish(turn) && self.unpublished),
         };
         self.missed &= !publish;
         if !publish && run.cycles == 0 && orders.edits.is_empty() {
@@ -170,8 +170,7 @@ impl Simulation {
             self.state.clock.ticks_between(self.frame, turn.frame)
         };
         self.frame = turn.frame;
-        let snow =
-            self.state.falling.ticks_until_due(self.state.clock.tick(), self.state.snowing());
+        let snow = self.state.ticks_until_snow();
         let taken = if self.next.checkpoint { 0 } else { due.min(snow.unwrap_or(u64::MAX)) };
         let passes = turn.sleep && self.is_still();
         let units = self.units_of_cycle();

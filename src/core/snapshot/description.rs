@@ -97,13 +97,14 @@ impl Description {
         let fixed =
             Material { stiffness_exponent: self.spec.material.stiffness_exponent, ..self.material };
         let clock_fits = self.clock.is_sound(self.settings.tick_rate, self.settings.time_scale);
+        let snows = self.settings.snowfall_rate > 0.0;
         let ledger = &self.ledger;
         let out = ledger.refused.checked_add(ledger.cleared);
         for (pointer, sound) in [
             ("/spec/id", self.spec.id.is_none()),
             ("/material", fixed == self.spec.material),
             ("/clock", clock_fits),
-            ("/falling", self.falling.is_sound(self.clock.tick(), &self.spec)),
+            ("/falling", self.falling.is_sound(self.clock.tick(), snows, &self.spec)),
             // Not more than falls in a million years of the heaviest snowfalls.
             ("/ledger", out.is_some_and(|out| out <= ledger.fallen) && ledger.fallen < 1 << 120),
             ("/last_cycle", self.last_cycle.is_none_or(|dt| (0.0..=1.0).contains(&dt))),

@@ -22,6 +22,7 @@ impl GpuBackend {
     /// [`EngineError::DeviceFailed`] where there is work for a snowpack that is not there.
     pub(super) fn carry_out(&mut self, mut frame: Frame) -> Result<(), EngineError> {
         let parted = self.part(&mut frame);
+        let mut cycles: Vec<u32> = frame.work.iter().map(|work| work.run.cycles).collect();
         let survey = Survey::new(&mut frame, &self.residents)?;
         let Survey { mut rounds, mut parts, mut totals, .. } = survey;
         for (&place, part) in &parted {
@@ -64,11 +65,12 @@ impl GpuBackend {
             let Some(mut job) = resident.job.take() else { continue };
             planner.part(slot, resident, &mut job, part, parts[place].edits.start);
             flown.insert(place, job.flown(part));
+            cycles[place] = job.cycles();
             resident.job = Some(job);
         }
         planner.reports(residents, &frame.work, &totals);
         let dispatches = planner.dispatches;
-        self.flown = flown;
+        (self.flown, self.cycles) = (flown, cycles);
         self.encode(&mut encoder, &dispatches);
         if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
             self.tables.due.clear(&mut encoder);
@@ -92,6 +94,9 @@ impl GpuBackend {
         let mut parted = BTreeMap::new();
         for (place, work) in frame.work.iter_mut().enumerate() {
             let Some(resident) = self.residents.get_mut(work.slot) else { continue };
+            if work.wake {
+                resident.awake = None;
+            }
             let most = work.limit.unwrap_or(u64::MAX);
             let furnished = self.arena.furnish(&self.device, resident, most);
             if work.limit.is_none() && !work.resume {

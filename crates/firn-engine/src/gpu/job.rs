@@ -90,6 +90,11 @@ impl Job {
         self.outcome.edits.len() as u32
     }
 
+    /// Cycles that it has in all.
+    pub fn cycles(&self) -> u32 {
+        self.work.run.cycles
+    }
+
     /// Edits of the round that is under way.
     pub fn round(&self) -> &[(u32, Edit)] {
         self.rounds.front().map_or(&[], Vec::as_slice)

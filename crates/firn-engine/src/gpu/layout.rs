@@ -336,10 +336,14 @@ pub struct OperationResult {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct PackedGroup {
-    /// A bit for each of the first 32 tiles.
+    /// A bit for each of the first 32 tiles that changed.
     pub changed_low: u32,
     /// A bit for each of the other 32.
     pub changed_high: u32,
+    /// The same for those that are awake.
+    pub awake_low: u32,
+    /// The same for the other 32.
+    pub awake_high: u32,
     /// The first packed one among all that are packed; the others follow in order.
     pub first: u32,
 }

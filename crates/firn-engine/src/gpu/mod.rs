@@ -25,7 +25,7 @@ pub mod stopwatch;
 mod survey;
 mod tables;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::{Duration, Instant};
 
 use super::frame::{Backend, DeviceInfo, EngineError, Frame, Outcome, Slot, WorkOutcome};
@@ -58,6 +58,8 @@ pub struct GpuBackend {
     submitted: Instant,
     /// Parts of work in the frame in flight, by their places in it.
     flown: BTreeMap<usize, Flown>,
+    /// Cycles of each work in it, those of a part's whole work where it is one.
+    cycles: Vec<u32>,
     always_awake: bool,
     one_by_one: bool,
     turns: u32,
@@ -120,6 +122,7 @@ impl GpuBackend {
             outcomes: VecDeque::new(),
             submitted: Instant::now(),
             flown: BTreeMap::new(),
+            cycles: Vec::new(),
             always_awake,
             one_by_one: false,
             turns: 0,
@@ -187,6 +190,9 @@ impl Backend for GpuBackend {
         let unfurnished = self.arena.begin_to_furnish(&lot);
         let units = self.arena.units_to_furnish(&lot, &unfurnished);
         let mut resident = Resident::new(lot, layout, unfurnished);
+        if self.always_awake {
+            resident.awake = None;
+        }
         if units <= FURNISHED_AT_ONCE {
             self.arena.furnish(&self.device, &mut resident, u64::MAX);
         }
@@ -256,15 +262,38 @@ impl GpuBackend {
         let arrived = self.readback.fetch(&self.device, &self.arena, &self.tables, patience);
         self.device.check()?;
         match arrived? {
-            Some(mut outcome) => {
+            Some((mut outcome, awake)) => {
                 outcome.took = self.submitted.elapsed();
                 for (place, flown) in std::mem::take(&mut self.flown) {
                     self.take_in(&mut outcome.work[place], &flown);
+                }
+                self.note_rest(&outcome.work);
+                for (slot, awake) in awake {
+                    self.note_awake(slot, awake);
                 }
                 self.outcomes.push_back(outcome);
                 Ok(true)
             }
             None => Ok(false),
+        }
+    }
+
+    /// Notes of which snowpacks all tiles are at rest: those in which the last cycle changed nothing.
+    fn note_rest(&mut self, outcomes: &[WorkOutcome]) {
+        let cycles = std::mem::take(&mut self.cycles);
+        for (outcome, cycles) in outcomes.iter().zip(&cycles) {
+            if outcome.last_change < *cycles && !outcome.unfinished {
+                self.note_awake(outcome.slot, Some(BTreeSet::new()));
+            }
+        }
+    }
+
+    /// Notes which tiles of a snowpack may be awake.
+    fn note_awake(&mut self, slot: Slot, awake: Option<BTreeSet<u32>>) {
+        if let Some(resident) = self.residents.get_mut(slot)
+            && !self.always_awake
+        {
+            resident.awake = awake;
         }
     }
 

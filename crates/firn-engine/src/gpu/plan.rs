@@ -5,6 +5,8 @@ mod job;
 mod reports;
 mod runs;
 
+pub use runs::FEW_TILES;
+
 use std::collections::BTreeSet;
 
 use firn_snow::ColumnRect;

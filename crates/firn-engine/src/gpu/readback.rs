@@ -15,7 +15,7 @@ use super::buffer::Table;
 use super::device::Device;
 use super::mapped::Mapped;
 use super::pages::Place;
-use super::report::{Copies, Reader, Reports};
+use super::report::{Awake, Copies, Reader, Reports};
 use super::results::Section;
 use super::survey::Totals;
 use super::tables::{PACKED_BYTES, Tables};
@@ -112,7 +112,8 @@ impl Readback {
         self.flight = Some(Flight { copies, reports, bytes, submission, mapping });
     }
 
-    /// The outcome of the frame on its way, if it arrives within `patience`.
+    /// The outcome of the frame on its way, and which tiles are awake of large snowpacks that publish, if it
+    /// arrives within `patience`.
     ///
     /// # Errors
     /// [`EngineError::DeviceFailed`].
@@ -122,7 +123,7 @@ impl Readback {
         arena: &Arena,
         tables: &Tables,
         patience: Duration,
-    ) -> Result<Option<Outcome>, EngineError> {
+    ) -> Result<Option<(Outcome, Vec<Awake>)>, EngineError> {
         let Some(flight) = &self.flight else { return Ok(None) };
         wait(device, &flight.submission, &flight.mapping, patience)?;
         match flight.mapping.load(Ordering::Acquire) {
@@ -133,7 +134,7 @@ impl Readback {
         let Some(flight) = self.flight.take() else { return Ok(None) };
         let Flight { copies, reports, .. } = &flight;
         let mut mapped = self.mapped(flight.bytes)?;
-        let (mut outcome, groups, packed) = copies.outcome(reports, mapped.bytes());
+        let (mut outcome, groups, packed, awake) = copies.outcome(reports, mapped.bytes());
         if copies.packable > 0 {
             self.last_packed = packed;
         }
@@ -153,7 +154,7 @@ impl Readback {
         for (work, wanted) in outcome.work.iter_mut().zip(&reports.work) {
             work.gathered = cells.by_ref().take(wanted.gathered).collect();
         }
-        Ok(Some(outcome))
+        Ok(Some((outcome, awake)))
     }
 
     /// The bytes that have been mapped.

@@ -1,5 +1,6 @@
 //! What a frame reports: what is copied out of its results, and what each snowpack finds there.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -12,10 +13,14 @@ use crate::published::Group;
 
 use super::layout::{self, join};
 use super::pages::Place;
+use super::plan::FEW_TILES;
 use super::resident::Residents;
 use super::results::{Extent, Section};
 use super::survey::{Part, Totals};
 use super::tables::Tables;
+
+/// Part of a snowpack's tiles that are listed at the most.
+const MOST_LISTED: usize = 8;
 
 /// What is copied out, in order.
 #[derive(Debug)]
@@ -99,6 +104,24 @@ impl Reports {
     }
 }
 
+/// Tiles of a snowpack that are awake, none where they are too many to be listed.
+pub type Awake = (Slot, Option<BTreeSet<u32>>);
+
+/// Finds those of a snowpack among groups, the first of which has a number.
+fn awake(groups: &[layout::PackedGroup], first: u32, tiles: &Range<u32>) -> Option<BTreeSet<u32>> {
+    let own = tiles.start / 64 - first..tiles.end.div_ceil(64) - first;
+    let masks = groups[own.start as usize..own.end as usize].iter();
+    let masks = masks.map(|group| join(group.awake_low, group.awake_high));
+    let count: u32 = masks.clone().map(u64::count_ones).sum();
+    let listed = || {
+        let bits = |mask: u64| (0..64).filter(move |bit| mask >> bit & 1 != 0);
+        let all = masks.zip(tiles.start / 64..).filter(|(mask, _)| *mask != 0);
+        let all = all.flat_map(|(mask, group)| bits(mask).map(move |bit| 64 * group + bit));
+        all.filter(|tile| tiles.contains(tile)).map(|tile| tile - tiles.start).collect()
+    };
+    (count as usize <= tiles.len() / MOST_LISTED).then(listed)
+}
+
 /// Takes rows off the front of bytes.
 pub struct Reader<'a>(pub &'a [u8]);
 
@@ -149,8 +172,13 @@ impl Copies {
         results.chain(others).filter(|(_, bytes)| !bytes.is_empty())
     }
 
-    /// The outcome without heights, the groups of packed tiles, and how many were packed in all.
-    pub fn outcome(&self, reports: &Reports, bytes: &[u8]) -> (Outcome, Vec<Group>, u64) {
+    /// The outcome without heights, the groups of packed tiles, how many were packed in all, and which tiles are
+    /// awake of large snowpacks that publish.
+    pub fn outcome(
+        &self,
+        reports: &Reports,
+        bytes: &[u8],
+    ) -> (Outcome, Vec<Group>, u64, Vec<Awake>) {
         let mut reader = Reader(bytes);
         let results: &[u8] = reader.slice(self.results.pieces().map(|p| p.end - p.start).sum());
         let section = |section| &results[self.results.place(section)];
@@ -194,7 +222,10 @@ impl Copies {
             first: row.first,
         };
         let packed = count.first().map_or(0, |&count| count.into());
-        (outcome, groups.iter().map(group).collect(), packed)
+        let large = reports.work.iter().filter(|work| work.tiles.len() > FEW_TILES);
+        let awake = large.map(|work| (work.slot, awake(groups, self.groups.start, &work.tiles)));
+        let awake = awake.collect();
+        (outcome, groups.iter().map(group).collect(), packed, awake)
     }
 }
 

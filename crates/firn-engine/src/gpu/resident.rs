@@ -57,6 +57,8 @@ pub struct Resident {
     /// Tiles under no object whose snow was edited, and whose stress has not been evaluated since:
     /// nothing has needed it.
     pub unweighed: BTreeSet<u32>,
+    /// Tiles under no object that may be awake; none where all of them may be.
+    pub awake: Option<BTreeSet<u32>>,
     /// What is left to be done before anything else.
     pub unfurnished: Option<Unfurnished>,
     /// Work of it that has begun and not ended.
@@ -87,9 +89,31 @@ impl Resident {
             bodies: BTreeMap::new(),
             loads: BTreeMap::new(),
             unweighed: BTreeSet::new(),
+            awake: Some(BTreeSet::new()),
             unfurnished: Some(unfurnished),
             job: None,
         }
+    }
+
+    /// Notes that some tiles may wake.
+    pub fn wake(&mut self, tiles: impl ExactSizeIterator<Item = u32>) {
+        if tiles.len() == self.lot.places.len() {
+            self.awake = None;
+        } else if let Some(awake) = &mut self.awake {
+            awake.extend(tiles);
+        }
+    }
+
+    /// Tiles under no object that a cycle may change.
+    pub fn free(&self) -> impl Iterator<Item = u32> + '_ {
+        let all = if self.awake.is_none() { self.lot.places.len() as u32 } else { 0 };
+        let tiles = self.awake.iter().flatten().copied().chain(0..all);
+        tiles.filter(|tile| !self.loads.contains_key(tile))
+    }
+
+    /// How many they are at the most.
+    pub fn most_free(&self) -> usize {
+        self.awake.as_ref().map_or(self.lot.places.len(), BTreeSet::len)
     }
 
     /// Page of one of its tiles.

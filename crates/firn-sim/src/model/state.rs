@@ -1,13 +1,14 @@
 //! States of a session, as clients know them and as they find them.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 use firn_protocol::SessionSpec;
 
 /// A session, as far as clients can know it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct State {
-    /// Mass that has fallen, in quanta.
+    /// Mass that clients have let fall, in quanta.
     pub fallen: u128,
     /// Temperature of the air \[°C\].
     pub air: i32,
@@ -24,8 +25,8 @@ pub struct State {
 /// A session, as somebody finds it.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// Mass that has fallen, in quanta.
-    pub fallen: u128,
+    /// What clients may have let fall of the mass that has fallen, in quanta: the rest fell by itself.
+    pub fallen: RangeInclusive<u128>,
     /// Mass that was cleared, in quanta.
     pub cleared: u128,
     /// Temperature of the air \[°C\].
@@ -56,7 +57,8 @@ impl State {
     /// Whether it can be what was found, with a token that is `fresh` or was known before.
     pub fn is(&self, found: &Found, fresh: bool) -> bool {
         let Found { fallen, air, paused, objects, token, .. } = found;
-        (self.fallen, self.air, self.paused) == (*fallen, *air, *paused)
+        fallen.contains(&self.fallen)
+            && (self.air, self.paused) == (*air, *paused)
             && self.objects == *objects
             && self.token.as_ref().map_or(fresh, |own| own == token)
     }

@@ -149,7 +149,7 @@ impl Simulation {
                 }
                 let objects = objects.iter();
                 Some(Found {
-                    fallen: quanta(mass.fallen, &grid),
+                    fallen: self.models[name].let_fall(quanta(mass.fallen, &grid), mass.stamp.tick),
                     cleared: quanta(mass.cleared, &grid),
                     air: view.settings.air_temperature as i32,
                     paused: view.settings.paused,

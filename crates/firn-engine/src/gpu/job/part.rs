@@ -19,8 +19,8 @@ pub enum Step {
     Press(Vec<u32>, When),
     /// Stresses of tiles without objects on which snow fell.
     Weigh(u32),
-    /// Some tiles are compacted, but those under objects.
-    Free(Range<u32>),
+    /// Some tiles under no objects are compacted.
+    Free(Vec<u32>),
     /// Some tiles under objects are compacted in a cycle.
     Loaded(Vec<u32>, u32),
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use firn_snow::TILE_COLUMNS;
+use firn_snow::{ColumnRect, TILE_COLUMNS};
 
 use crate::frame::{Edit, Run, contact_units};
 use crate::gpu::resident::Resident;
@@ -64,13 +64,15 @@ impl Job {
                 true
             }
             Stage::Snow => {
-                let rows = resident.layout.grid.tiles_z();
-                let row = cells * u64::from(resident.row.tiles_x) * EDIT;
-                if self.snows() {
-                    let range = self.take(most, row, rows);
-                    part.add(row * range.len() as u64, Step::Snow(range));
-                }
-                if self.next == rows || !self.snows() {
+                let Some(tiles) = self.snowed() else {
+                    self.enter(Stage::Objects);
+                    return false;
+                };
+                let row = cells * u64::from(tiles.x1 - tiles.x0) * EDIT;
+                self.next = self.next.max(tiles.z0);
+                let range = self.take(most, row, tiles.z1);
+                part.add(row * range.len() as u64, Step::Snow(range));
+                if self.next == tiles.z1 {
                     self.enter(Stage::Objects);
                 }
                 false
@@ -142,12 +144,14 @@ impl Job {
     /// Goes on with compaction.
     fn compact(&mut self, resident: &Resident, most: u64, part: &mut Part) -> bool {
         self.tell_cycles(part);
-        let (cells, tiles) = (cells_of(resident), tiles_of(resident));
+        let cells = cells_of(resident);
         if self.stage == Stage::Free {
+            let list: Vec<u32> = resident.free().collect();
             let units = cells * u64::from(self.at_once);
-            let range = self.take(most, units, tiles);
-            part.add(units * range.len() as u64, Step::Free(range));
-            if self.next == tiles {
+            let range = self.take(most, units, list.len() as u32);
+            let tiles = list[range.start as usize..range.end as usize].to_vec();
+            part.add(units * tiles.len() as u64, Step::Free(tiles));
+            if self.next as usize == list.len() {
                 self.enter(Stage::Loaded);
             }
             return false;
@@ -211,9 +215,19 @@ impl Job {
         first..self.next
     }
 
-    /// Whether snow falls or is cleared in the round.
-    fn snows(&self) -> bool {
-        self.round().iter().any(|(_, e)| matches!(e, Edit::Deposit(_) | Edit::Clear { .. }))
+    /// The smallest rectangle of tiles in which the round lets all of its snow fall and be cleared, if any.
+    fn snowed(&self) -> Option<ColumnRect> {
+        let tiles = |(_, edit): &(u32, Edit)| match edit {
+            Edit::Deposit(fall) => Some(fall.columns.tiles()),
+            Edit::Clear { columns, .. } => Some(columns.tiles()),
+            _ => None,
+        };
+        self.round().iter().filter_map(tiles).reduce(|all, own| ColumnRect {
+            x0: all.x0.min(own.x0),
+            z0: all.z0.min(own.z0),
+            x1: all.x1.max(own.x1),
+            z1: all.z1.max(own.z1),
+        })
     }
 
     fn touch(&mut self, resident: &Resident, most: u64, when: When, then: Stage, part: &mut Part) {
@@ -273,7 +287,7 @@ impl Job {
             });
             return;
         }
-        let units = cells_of(resident) * resident.lot.places.len() as u64;
+        let units = cells_of(resident) * (resident.most_free() + resident.loads.len()) as u64;
         let fitting = u32::try_from(most / units.max(1)).unwrap_or(u32::MAX).max(1);
         (self.at_once, self.cycle) = (fitting.min(left), 0);
         let evaluated = std::mem::take(&mut self.evaluated) || resident.bodies.is_empty();

@@ -96,8 +96,10 @@ impl Planner<'_> {
             self.evaluated.insert(slot);
         }
         resident.unweighed.extend(snowed.keys().copied());
+        resident.wake(snowed.keys().copied());
         self.edit_jobs(resident, snowed, &mut edited.edit_jobs);
         stressed.extend(resident.loads.keys().copied());
+        resident.wake(stressed.iter().copied());
         for tile in &stressed {
             resident.unweighed.remove(tile);
         }
@@ -163,6 +165,7 @@ impl Planner<'_> {
                 self.tables.forget_bodies(resident.bodies.values());
                 resident.bodies = self.restore_bodies(resident, &contents);
                 resident.unweighed.clear();
+                resident.awake = None;
                 true
             }
             Edit::Deposit(_) | Edit::Clear { .. } => false,
@@ -212,6 +215,7 @@ impl Planner<'_> {
             }
         }
         resident.unweighed.extend(snowed.keys().copied());
+        resident.wake(snowed.keys().copied());
         let mut jobs = Vec::new();
         self.edit_jobs(resident, snowed, &mut jobs);
         self.snowfalls(jobs);

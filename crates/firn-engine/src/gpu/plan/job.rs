@@ -51,9 +51,8 @@ impl Planner<'_> {
                 }
                 Step::Weigh(count) => self.weigh_some(resident, *count),
                 Step::Free(tiles) => {
-                    let free = tiles.clone().filter(|tile| !resident.loads.contains_key(tile));
                     let pass = Pass { cycles: part.run.cycles, ..Pass::default() };
-                    self.compact(resident, free, pass);
+                    self.compact(resident, tiles.iter().copied(), pass);
                 }
                 Step::Loaded(tiles, cycle) => {
                     let flags = UNDER_OBJECTS;
@@ -78,6 +77,7 @@ impl Planner<'_> {
         for tile in &stressed {
             resident.unweighed.remove(tile);
         }
+        resident.wake(stressed.iter().copied());
         job.press_later(stressed.into_iter().collect());
     }
 

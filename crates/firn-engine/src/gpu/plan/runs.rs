@@ -16,7 +16,7 @@ use crate::gpu::survey::Totals;
 use super::{Dispatch, Planner};
 
 /// Tiles that the host lists at the most, whether they are awake or not.
-const FEW_TILES: usize = 512;
+pub const FEW_TILES: usize = 512;
 
 /// Objects and the tiles under them, on the snowpacks that run: those with the most cycles first, so
 /// that each cycle concerns the first of every list.
@@ -74,10 +74,10 @@ impl Planner<'_> {
         if let Some(loaded) = loaded.as_ref().filter(|loaded| !loaded.known) {
             self.press(loaded, 0);
         }
-        if totals.wakes || totals.running > FEW_TILES {
-            self.scheduled_runs(totals);
-        } else {
+        if !totals.wakes && (totals.running <= FEW_TILES || are_few(residents, work)) {
             self.listed_runs(residents, work, totals);
+        } else {
+            self.scheduled_runs(totals);
         }
         if let Some(loaded) = loaded {
             self.later_cycles(&loaded);
@@ -109,16 +109,16 @@ impl Planner<'_> {
         vec![Pass { cycles: u32::MAX, ..Pass::default() }]
     }
 
-    /// All due tiles, listed by the host: where they are few, that is faster than to ask the device
-    /// which of them are awake.
+    /// All due tiles that may be awake, listed by the host: where they are few, that is faster than to ask the
+    /// device which of them are.
     fn listed_runs(&mut self, residents: &Residents, work: &[Work], totals: &Totals) {
         let mut lists: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for work in work.iter().filter(|work| work.run.cycles > 0) {
             let Some(resident) = residents.get(work.slot) else { continue };
-            for (tile, place) in (resident.lot.tiles.start..).zip(&resident.lot.places) {
-                let list =
-                    lists.entry(place.page).or_insert_with(|| Vec::with_capacity(totals.running));
-                list.push(tile);
+            for tile in resident.free().chain(resident.loads.keys().copied()) {
+                let list = lists.entry(resident.page(tile));
+                let list = list.or_insert_with(|| Vec::with_capacity(FEW_TILES));
+                list.push(resident.lot.tiles.start + tile);
             }
         }
         let parts = self.parts(totals.cycles);
@@ -203,6 +203,15 @@ impl Planner<'_> {
             }
         }
     }
+}
+
+/// Whether the tiles that may be awake are so few that the host lists them.
+fn are_few(residents: &Residents, work: &[Work]) -> bool {
+    let running = work.iter().filter(|work| work.run.cycles > 0);
+    let residents = running.filter_map(|work| residents.get(work.slot));
+    let mut counts = residents.map(|resident| resident.most_free() + resident.loads.len());
+    // Of thousands only the first are looked at.
+    counts.try_fold(0, |sum, count| Some(sum + count).filter(|sum| *sum <= FEW_TILES)).is_some()
 }
 
 impl LoadedTiles {
