@@ -36,7 +36,7 @@ use crate::store::StoreError;
 
 use reading::{Read, Wanted};
 use record::{Append, Checkpoint, Hash, Heartbeat, Part, Taken};
-use session::{Answer, Limits, Outlet, Request, SessionError, TokenHashes};
+use session::{Answer, Limits, Outlet, Receipted, Request, SessionError, TokenHashes};
 
 pub(crate) use making::Creation;
 pub(crate) use world::World;
@@ -109,8 +109,9 @@ pub(crate) enum Control {
     Unlock(Answer<()>),
     /// Somebody asks for the session.
     Wake,
-    /// Nobody waits for the step any more that has this number.
-    EndStep(u64),
+    /// A step ends at the tick it has reached: the one of a number, for which nobody waits any more, or the one
+    /// under way.
+    EndStep(Option<u64>, Answer<Receipted<()>>),
 }
 
 impl Control {
@@ -120,7 +121,8 @@ impl Control {
             Control::Delete(reply) | Control::Tokens(_, reply) | Control::Unlock(reply) => {
                 reply.refuse(why);
             }
-            Control::Wake | Control::EndStep(_) => {}
+            Control::EndStep(_, reply) => reply.refuse(why),
+            Control::Wake => {}
         }
     }
 }

@@ -100,7 +100,7 @@ fn timed_routes() -> OpenApiRouter<App> {
 /// Routes that may take as long as they need.
 fn untimed_routes() -> OpenApiRouter<App> {
     OpenApiRouter::default()
-        .routes(routes!(sessions::step))
+        .routes(routes!(sessions::step, sessions::end_step))
         .routes(routes!(store::backup))
         .routes(routes!(store::verify))
         .routes(routes!(store::compact))

@@ -14,7 +14,7 @@ use super::memory::Companion;
 use super::registry::Sessions;
 use crate::core::Input;
 use crate::core::record::{Epochs, Identity, Weight};
-use crate::core::session::{Limits, Outlet, SessionError, TokenHashes, WaitingRoom};
+use crate::core::session::{Limits, Mirror, Outlet, SessionError, TokenHashes, WaitingRoom};
 use crate::core::tenant::Tenant;
 use crate::journal::KeyedRequests;
 use crate::machine;
@@ -123,7 +123,8 @@ impl Session {
             material: mirror.material,
             settings: mirror.settings,
             terrain: self.spec.terrain.clone(),
-            state: self.state(mirror.settings.paused),
+            state: self.state(&mirror),
+            progress: mirror.progress,
             locked: self.is_locked(),
             tick: clock.tick(),
             seq: mirror.seq,
@@ -151,11 +152,12 @@ impl Session {
         cell_bytes(&self.spec.grid) + 32 * ground + 512 * objects
     }
 
-    fn state(&self, paused: bool) -> State {
-        match (self.is_hibernating(), paused) {
-            (true, _) => State::Hibernating,
-            (false, true) => State::Paused,
-            (false, false) => State::Running,
+    fn state(&self, mirror: &Mirror) -> State {
+        match mirror.settings.paused {
+            _ if self.is_hibernating() => State::Hibernating,
+            true if mirror.progress.is_some() => State::Stepping,
+            true => State::Paused,
+            false => State::Running,
         }
     }
 

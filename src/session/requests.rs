@@ -66,6 +66,16 @@ impl Session {
         stepped.map(|()| self.view())
     }
 
+    /// Ends the step under way at the tick it has reached, and returns when that is durable and visible to
+    /// the next read.
+    ///
+    /// # Errors
+    /// [`SessionError::Conflict`] where no step is under way.
+    pub async fn end_step(&self) -> Result<(), SessionError> {
+        let ended = self.control(|reply| Control::EndStep(None, reply)).await?;
+        self.receipts.wait(ended.position).await
+    }
+
     /// Brings the session back to the state it was created in; seqs go on.
     ///
     /// # Errors
@@ -219,10 +229,10 @@ impl Session {
     }
 
     /// Has something done that does not wait for what is asked of the session.
-    pub(crate) async fn control(
+    pub(crate) async fn control<T>(
         &self,
-        control: impl FnOnce(Answer<()>) -> Control,
-    ) -> Result<(), SessionError> {
+        control: impl FnOnce(Answer<T>) -> Control,
+    ) -> Result<T, SessionError> {
         let input = |reply| Input::Control { key: self.key, control: control(reply) };
         ask(&self.world, None, input).await
     }
@@ -238,7 +248,8 @@ struct EndStep<'s> {
 impl Drop for EndStep<'_> {
     fn drop(&mut self) {
         if !self.ended {
-            let (key, control) = (self.session.key, Control::EndStep(self.number));
+            let (nobody, _) = Answer::new(None);
+            let (key, control) = (self.session.key, Control::EndStep(Some(self.number), nobody));
             let sent = self.session.world.try_send(Input::Control { key, control });
             // Where the queue is full it is told as soon as there is room.
             if let Err(mpsc::error::TrySendError::Full(input)) = sent

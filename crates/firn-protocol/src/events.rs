@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::session::{Settings, Stamp};
+use crate::session::{Progress, Settings, Stamp};
 
 /// Something that happened in a session, told to stream clients while they are connected.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,6 +40,15 @@ pub enum Event {
         /// When.
         #[serde(flatten)]
         stamp: Stamp,
+    },
+    /// How far a long step has come: twice a second from half a second after it began, and once when it has
+    /// ended.
+    StepProgress {
+        /// When.
+        #[serde(flatten)]
+        stamp: Stamp,
+        /// How far it has come; `null` where it has ended.
+        progress: Option<Progress>,
     },
     /// The session is back in the state it was created in.
     Reset {

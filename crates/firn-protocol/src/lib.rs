@@ -37,7 +37,7 @@ pub use events::Event;
 pub use probes::{Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use problem::{FieldError, Problem};
 pub use session::{
-    CreatedSession, SessionSpec, SessionView, Settings, SettingsPatch, SnowLayer, Stamp, State,
+    CreatedSession, Progress, SessionSpec, SessionView, Settings, SettingsPatch, SnowLayer, Stamp, State,
     StepSpec, Summary, Terrain,
 };
 pub use snow::{ColumnView, LayerView, MassView, WeakLayerView};

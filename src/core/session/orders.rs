@@ -37,6 +37,8 @@ pub(crate) struct Orders {
     pub changed: bool,
     /// There is a reset among it.
     pub reset: bool,
+    /// A step has ended of which streams were told how far it had come.
+    pub step_told: bool,
 }
 
 /// An edit of which the device finds out what goes into the ledger.

@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 use std::time::Duration;
 
 use firn_engine::frame::cell_bytes;
-use firn_protocol::{Event, SessionSpec};
+use firn_protocol::{Event, Progress, SessionSpec};
 use tokio::sync::{broadcast, watch};
 use tokio_util::sync::CancellationToken;
 use ulid::Ulid;
@@ -134,6 +134,13 @@ impl Outlet {
         mirror.clock = clock;
         mirror.resting_since = None;
         mirror.active_tiles = 0;
+        mirror.progress = None;
+    }
+
+    /// Shows how far a step has come that has just begun.
+    pub(crate) fn show_progress(&self, progress: Progress) {
+        let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        mirror.progress = Some(progress);
     }
 
     /// What the journal knows it by.

@@ -13,7 +13,7 @@ use firn_snow::{CELL, Contact, Grid, TILE_COLUMNS};
 use crate::core::record::{Done, Taken};
 use crate::core::session::{
     Applied, Collider, Counted, Gathered, Mirror, Orders, Outlet, Receipted, Reply, Sampled,
-    SessionState, Simulation, Told,
+    SessionState, Simulation, StepJob, Told,
 };
 use crate::core::snapshot::Snapshot;
 
@@ -56,13 +56,18 @@ impl Simulation {
             let stamp = self.publish(&orders, &outcome, tiles);
             let settled = settles.then_some(Event::Settled { stamp });
             let reset = orders.reset.then_some(Event::Reset { stamp });
+            let step_ended = orders.step_told;
             self.answer(orders, outcome, stamp, stored);
             for event in reset.into_iter().chain(settled) {
                 self.tell(event);
             }
-        } else if settles {
+            self.tell_progress(step_ended, stamp, stored);
+        } else {
             let stamp = Stamp { tick: self.state.clock.tick(), seq: self.session.mirror().seq };
-            self.tell(Event::Settled { stamp });
+            if settles {
+                self.tell(Event::Settled { stamp });
+            }
+            self.tell_progress(false, stamp, stored);
         }
         self.deposit_falling();
     }
@@ -143,6 +148,7 @@ impl Simulation {
         mirror.mass_quanta = self.state.ledger.present();
         mirror.settings = self.state.settings;
         mirror.material = self.state.material;
+        mirror.progress = self.step.as_ref().map(StepJob::progress);
     }
 
     /// Takes in how objects touch the snow. On snow that has settled all of them rest: cycles that
@@ -248,7 +254,7 @@ impl Simulation {
         }
     }
 
-    fn tell(&self, event: Event) {
+    pub(super) fn tell(&self, event: Event) {
         // Fails where nobody listens.
         let _ = self.session.events.send(event);
     }

@@ -242,8 +242,9 @@ pub async fn delete(
 /// Step a paused session
 ///
 /// By a number of ticks, a simulated time, or until the snow has settled; as fast as the machine
-/// can. Not subject to the time limit of requests. Where the client goes away the step ends early,
-/// at the tick it has reached.
+/// can. Not subject to the time limit of requests. Meanwhile the session is `stepping`, and `progress` tells
+/// how far it has come. Where somebody ends the step, or the client goes away, it ends early, at the tick it has
+/// reached: the answer's `tick` and `settled` tell what was done.
 #[utoipa::path(
     post,
     path = "/v1/sessions/{id}/step",
@@ -270,6 +271,28 @@ pub async fn step(
             Err(Problem::unavailable("the server is stopping; the step has ended early"))
         }
     }
+}
+
+/// End a step
+///
+/// The step under way ends at the tick it has reached, and its call answers with the session as it is then.
+/// Ticks that are taken at once come to their end before this returns.
+#[utoipa::path(
+    delete,
+    path = "/v1/sessions/{id}/step",
+    operation_id = "end_step",
+    tag = "sessions",
+    params(SessionPath),
+    responses(
+        (status = 204, description = "It has ended"),
+        (status = 409, description = "No step of the session is under way", body = Problem,
+            content_type = "application/problem+json"),
+        SessionProblems
+    )
+)]
+pub async fn end_step(Target(session): Target) -> Result<StatusCode, Problem> {
+    session.end_step().await?;
+    Ok(StatusCode::NO_CONTENT)
 }
 
 /// Reset a session
