@@ -60,6 +60,7 @@ impl World {
             Control::Delete(reply) => self.delete(key, Some(reply)),
             Control::Tokens(hashes, reply) => self.set_tokens(session, hashes, reply),
             Control::Unlock(reply) => self.unlock(key, reply),
+            Control::Points(change, reply) => self.change_points(key, change, reply),
             Control::Wake => self.wake(key),
             Control::EndStep(number, reply) => self.end_step(key, number, reply),
         }

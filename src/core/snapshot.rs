@@ -10,7 +10,7 @@ use std::sync::Arc;
 use firn_engine::frame::{Contents, Edit, TileCells};
 use firn_engine::reserve::ask_for;
 use firn_protocol::{SessionSpec, Stamp};
-use firn_snow::Cell;
+use firn_snow::{Cell, Material};
 
 use self::body::Body;
 use self::description::{Description, SavedCollider};
@@ -148,6 +148,11 @@ impl Snapshot {
         Ok(description.state())
     }
 
+    /// Simulated time at which it was taken \[s\].
+    pub(crate) fn sim_time(&self) -> f64 {
+        self.description.clock.sim_time()
+    }
+
     /// What it was created with.
     pub fn spec(&self) -> &SessionSpec {
         &self.description.spec
@@ -215,8 +220,11 @@ impl Simulation {
             position: collider.position,
             contact: collider.contact,
         });
+        // A reset may have brought another material along.
+        let stiffness_exponent = self.session.spec.material.stiffness_exponent;
+        let material = Material { stiffness_exponent, ..self.state.material };
         let description = Description {
-            spec: SessionSpec { id: None, ..self.session.spec.clone() },
+            spec: SessionSpec { id: None, material, ..self.session.spec.clone() },
             settings: self.state.settings,
             material: self.state.material,
             clock: self.state.clock,

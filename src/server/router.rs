@@ -20,7 +20,7 @@ use crate::http::answers;
 use crate::http::bodies::read_whole;
 use crate::http::gate::{check_host, check_origin, guard};
 use crate::http::handlers::{
-    self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
+    self, air_temperature, cells, checkpoints, clearings, colliders, columns, health, height, heights, mass,
     probes, profile, render, sessions, snapshots, snowfalls, store, tokens, unlock, usage,
 };
 use crate::http::observe::observe;
@@ -90,6 +90,8 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(profile::get))
         .routes(routes!(snapshots::get))
         .routes(routes!(snapshots::digest))
+        .routes(routes!(checkpoints::list))
+        .routes(routes!(checkpoints::get, checkpoints::put, checkpoints::delete))
         .routes(routes!(probes::create))
         .routes(routes!(health::livez))
         .routes(routes!(health::readyz))

@@ -16,7 +16,7 @@ use crate::core::Input;
 use crate::core::record::{Epochs, Identity, Weight};
 use crate::core::session::{Limits, Mirror, Outlet, SessionError, TokenHashes, WaitingRoom};
 use crate::core::tenant::Tenant;
-use crate::journal::KeyedRequests;
+use crate::journal::{KeyedRequests, StoreKeeper};
 use crate::machine;
 
 /// A session. Reads are served from its outlet; changes go to the world's thread.
@@ -32,6 +32,8 @@ pub struct Session {
     /// Steps that it was asked for.
     pub(crate) steps: AtomicU64,
     pub(crate) keyed: Arc<KeyedRequests>,
+    /// Where its restore points are read.
+    pub(crate) store: StoreKeeper,
     companion: OnceLock<Arc<dyn Companion>>,
 }
 
@@ -92,6 +94,7 @@ impl Session {
             world: sessions.world.clone(),
             steps: AtomicU64::new(0),
             keyed: sessions.keyed.clone(),
+            store: sessions.store.clone(),
             companion: OnceLock::new(),
         })
     }

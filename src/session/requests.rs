@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use firn_engine::frame::TileCells;
-use firn_protocol::{ColumnView, MassView, SessionView, StepSpec};
+use firn_protocol::{ColumnView, MassView, SessionSpec, SessionView, StepSpec};
 use firn_snow::ColumnRect;
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
@@ -11,7 +11,7 @@ use tokio::sync::{mpsc, oneshot};
 use crate::core::device::stopped;
 use crate::core::record::Once;
 use crate::core::session::{
-    Answer, Applied, Change, Invalid, Place, Receipted, Request, Sampled, SessionError, Simulation,
+    Answer, Applied, Beginning, Change, Invalid, Place, Receipted, Request, Sampled, SessionError, Simulation,
     gather,
 };
 use crate::core::snapshot::Snapshot;
@@ -82,21 +82,50 @@ impl Session {
     /// [`SessionError::Conflict`] while it is being stepped.
     pub async fn reset(&self) -> Result<SessionView, SessionError> {
         self.check_unlocked()?;
-        let saved = match &self.origin {
+        let saved = match self.origin.clone() {
             None => None,
             Some(bytes) => {
-                let permit = self.decoding.clone().acquire_owned().await;
-                let (bytes, limits) = (bytes.clone(), self.limits);
-                let decoded = blocking(move || {
-                    let _permit = permit;
-                    Snapshot::decode(&bytes, &limits)
-                });
-                let decoded = decoded.await?;
-                Some(Box::new(decoded))
+                let limits = self.limits;
+                Some(self.decode(move || Ok((Snapshot::decode(&bytes, &limits)?, ()))).await?.0)
             }
         };
-        self.ask_durably(0, |reply| Request::Reset { saved, reply }).await?;
+        self.reset_to(Beginning::Origin(saved)).await
+    }
+
+    /// Makes the session what a snapshot of the same grid and ground holds; name, tokens and seqs go on.
+    ///
+    /// # Errors
+    /// [`SessionError::Invalid`] where the snapshot is damaged or of another grid or ground, and
+    /// [`SessionError::Conflict`] while it is being stepped.
+    pub async fn reset_to_snapshot(&self, bytes: Vec<u8>) -> Result<SessionView, SessionError> {
+        self.check_unlocked()?;
+        let (outlet, limits) = (self.outlet.clone(), self.limits);
+        let decode = move || {
+            let fits = |spec: &SessionSpec| outlet.check_place(spec);
+            let (snapshot, ()) = Snapshot::decode_admitted(&bytes, &limits, fits)?;
+            Ok((snapshot, bytes))
+        };
+        let (snapshot, bytes) = self.decode(decode).await?;
+        self.reset_to(Beginning::Snapshot(snapshot, bytes)).await
+    }
+
+    async fn reset_to(&self, to: Beginning) -> Result<SessionView, SessionError> {
+        self.ask_durably(0, |reply| Request::Reset { to, reply }).await?;
         Ok(self.view())
+    }
+
+    /// Decodes a snapshot, as soon as there is memory for that.
+    async fn decode<T: Send + 'static>(
+        &self,
+        decode: impl FnOnce() -> Result<(Snapshot, T), SessionError> + Send + 'static,
+    ) -> Result<(Box<Snapshot>, T), SessionError> {
+        let permit = self.decoding.clone().acquire_owned().await;
+        let decoded = blocking(move || {
+            let _permit = permit;
+            decode()
+        });
+        let (snapshot, beside) = decoded.await?;
+        Ok((Box::new(snapshot), beside))
     }
 
     /// The material cells of a column.

@@ -244,7 +244,7 @@ export interface components {
             problem: components["schemas"]["Problem"];
         };
         /** @description Something happened in the session. Told live only; a slow client may miss some. */
-        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["PlainEvent"];
+        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["StepProgressEvent"] | components["schemas"]["PlainEvent"];
         /** @description A part of a request that can't be accepted. */
         FieldError: {
             /** @description JSON pointer to the field in the body, or the name of a path or query parameter. */
@@ -628,6 +628,13 @@ export interface components {
             /** @description Each part of the request that was wrong, the first hundred of them; may be empty. */
             errors: components["schemas"]["FieldError"][];
         };
+        /** @description How far a step has come. */
+        Progress: {
+            /** @description Ticks it has taken. */
+            done: number;
+            /** @description Ticks it takes at the most. */
+            of: number;
+        };
         /** @description Answer to `GET /readyz`. */
         Readiness: {
             /** @description Whether requests are served. */
@@ -710,6 +717,7 @@ export interface components {
             terrain: components["schemas"]["Terrain"] | null;
             /** @description What it is doing. */
             state: components["schemas"]["State"];
+            progress: components["schemas"]["Progress"] | null;
             /**
              * @description Whether it takes no changes: it came back from a damaged store, and an administrator has to say
              *     that it is as it should be.
@@ -870,7 +878,21 @@ export interface components {
          * @description What a session is doing.
          * @enum {string}
          */
-        State: "running" | "paused" | "hibernating";
+        State: "running" | "paused" | "stepping" | "hibernating";
+        /**
+         * @description How far a long step has come: twice a second from half a second after it began, and once when it has
+         *     ended.
+         */
+        StepProgressEvent: {
+            /** @constant */
+            op: "event";
+            /** @constant */
+            event: "step_progress";
+            tick: components["schemas"]["Tick"];
+            seq: components["schemas"]["Seq"];
+            /** @description `null` where the step has ended. */
+            progress: null | components["schemas"]["Progress"];
+        };
         /**
          * @description How far a paused session is to be stepped; exactly one of `ticks`, `seconds` and
          *     `until_settled`.
@@ -1117,6 +1139,7 @@ export type ProbeBatch = components['schemas']['ProbeBatch'];
 export type ProbeReply = components['schemas']['ProbeReply'];
 export type ProbeView = components['schemas']['ProbeView'];
 export type Problem = components['schemas']['Problem'];
+export type Progress = components['schemas']['Progress'];
 export type Readiness = components['schemas']['Readiness'];
 export type ReadyStatus = components['schemas']['ReadyStatus'];
 export type Region = components['schemas']['Region'];
@@ -1135,6 +1158,7 @@ export type SnowfallMessage = components['schemas']['SnowfallMessage'];
 export type SnowfallReply = components['schemas']['SnowfallReply'];
 export type Stamp = components['schemas']['Stamp'];
 export type State = components['schemas']['State'];
+export type StepProgressEvent = components['schemas']['StepProgressEvent'];
 export type StepSpec = components['schemas']['StepSpec'];
 export type StoreStatus = components['schemas']['StoreStatus'];
 export type StreamQuery = components['schemas']['StreamQuery'];

@@ -50,7 +50,7 @@ pub enum Event {
         /// How far it has come; `null` where it has ended.
         progress: Option<Progress>,
     },
-    /// The session is back in the state it was created in.
+    /// The session was reset: to the state it was created in, to a restore point, or to a snapshot.
     Reset {
         /// When.
         #[serde(flatten)]

@@ -17,6 +17,7 @@
 //! # Ok::<(), serde_json::Error>(())
 //! ```
 
+mod checkpoints;
 mod colliders;
 mod events;
 pub mod heights;
@@ -32,6 +33,7 @@ mod weather;
 
 pub use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Position, Shape};
 
+pub use checkpoints::{CheckpointList, CheckpointView, ResetSpec};
 pub use colliders::{ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView};
 pub use events::Event;
 pub use probes::{Probe, ProbeBatch, ProbeReply, ProbeView};

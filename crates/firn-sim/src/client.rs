@@ -117,6 +117,7 @@ pub fn send(
         match operation {
             Operation::Delete => sessions.delete(&session).await?,
             Operation::Reset => drop(session.reset().await?),
+            Operation::EndStep => session.end_step().await?,
             Operation::Reissue => return Ok(token(&session.reissue_tokens().await?)),
             Operation::Step(ticks) => {
                 let ticks = Some(ticks);
@@ -161,7 +162,8 @@ fn change(operation: &Operation, spec: &SessionSpec) -> Change {
         | Operation::Delete
         | Operation::Reset
         | Operation::Reissue
-        | Operation::Step(_) => unreachable!("these are no changes"),
+        | Operation::Step(_)
+        | Operation::EndStep => unreachable!("these are no changes"),
     }
 }
 

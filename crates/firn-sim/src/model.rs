@@ -34,6 +34,8 @@ pub enum Operation {
     Remove(u8),
     /// So many ticks are taken, where its time stands still.
     Step(u64),
+    /// The step under way ends.
+    EndStep,
     /// It gets other tokens.
     Reissue,
     /// Back to how it was made.
@@ -251,7 +253,7 @@ impl Model {
             // Acknowledged again, as it was before.
             Operation::Create(_) | Operation::Delete => {}
             // Counted elsewhere.
-            Operation::Clear(..) | Operation::Step(_) => {}
+            Operation::Clear(..) | Operation::Step(_) | Operation::EndStep => {}
             Operation::Snowfall(depth) => state.fallen += self.mass(metres(depth, &self.spec.grid)),
             Operation::Air(celsius) => state.air = celsius,
             Operation::Pause(paused) => state.paused = paused,

@@ -22,7 +22,7 @@ pub(crate) type Look = Box<dyn FnOnce(&Simulation) + Send>;
 pub(crate) enum Request {
     Change { change: Change, once: Option<Once>, reply: Answer<Receipted<Applied>> },
     Step { number: u64, step: StepSpec, reply: Answer<Receipted<()>> },
-    Reset { saved: Option<Box<Snapshot>>, reply: Answer<Receipted<()>> },
+    Reset { to: Beginning, reply: Answer<Receipted<()>> },
     Snapshot { reply: Answer<Snapshot> },
     Gather { tiles: Vec<u32>, reply: Answer<Gathered> },
     Sample { columns: ColumnRect, y0: u32, height: u32, reply: Answer<Sampled> },
@@ -48,6 +48,14 @@ impl Request {
     fn changes(&self) -> bool {
         matches!(self, Request::Change { .. } | Request::Step { .. } | Request::Reset { .. })
     }
+}
+
+/// What a session is reset to.
+pub(crate) enum Beginning {
+    /// The state that it was created in, and the snapshot that it was made from, where it was.
+    Origin(Option<Box<Snapshot>>),
+    /// What a snapshot holds, and the snapshot as bytes: the session comes back from those from then on.
+    Snapshot(Box<Snapshot>, Vec<u8>),
 }
 
 /// Requests that wait for one session, the oldest first.
@@ -133,7 +141,7 @@ impl Simulation {
                 self.change(change, once, most_colliders, reply);
             }
             Request::Step { number, step, reply } => self.begin_step(number, &step, reply),
-            Request::Reset { saved, reply } => self.begin_reset(saved.as_deref(), reply),
+            Request::Reset { to, reply } => self.begin_reset(to, reply),
             Request::Snapshot { reply } => self.next.snapshots.push(reply),
             Request::Gather { tiles, reply } => self.next.gathers.push((tiles, reply)),
             Request::Sample { columns, y0, height, reply } => {

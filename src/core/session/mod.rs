@@ -36,7 +36,7 @@ pub(crate) use command::{Command, Decision, Kept, ObjectSpec};
 pub use error::{Check, Invalid, SessionError};
 pub(crate) use falling::{Falling, Snowing};
 pub use gather::{Gathered, Ledger, MOST_SAMPLES, Sampled};
-pub(crate) use inbox::{Inbox, Request};
+pub(crate) use inbox::{Beginning, Inbox, Request};
 pub use mirror::{Mirror, TileColumns};
 pub(crate) use orders::{Counted, Flight, MOST_CHANGES, Orders, Reply, Told};
 pub(crate) use outlet::EVENT_BACKLOG;

@@ -9,7 +9,7 @@ use firn_protocol::SessionSpec;
 use crate::core::object_rows::ObjectRows;
 use crate::core::record::{Log, Replay};
 use crate::core::session::{
-    Answer, Charge, Command, Flight, Orders, Outlet, Portions, Receipted, Reply, SessionError,
+    Answer, Beginning, Charge, Command, Flight, Orders, Outlet, Portions, Receipted, Reply, SessionError,
     SessionState, StepJob,
 };
 use crate::core::snapshot::Snapshot;
@@ -131,10 +131,18 @@ impl Simulation {
         self.portions.disturb(self.session.spec.grid.tiles().into());
     }
 
-    /// Back to the state it was created in. Seqs go on.
-    pub(crate) fn reset(&mut self, saved: Option<&Snapshot>, answer: Answer<Receipted<()>>) {
-        self.log.record(self.state.clock.tick(), Command::Reset);
-        self.begin_anew(saved);
+    /// Back to the state it was created in, or to what a snapshot holds. Seqs go on.
+    pub(crate) fn reset(&mut self, to: Beginning, answer: Answer<Receipted<()>>) {
+        match to {
+            Beginning::Origin(saved) => {
+                self.log.record(self.state.clock.tick(), Command::Reset);
+                self.begin_anew(saved.as_deref());
+            }
+            Beginning::Snapshot(snapshot, bytes) => {
+                self.log.begin_anew(bytes);
+                self.begin_anew(Some(&snapshot));
+            }
+        }
         self.next.replies.push(Reply::Done(answer));
     }
 

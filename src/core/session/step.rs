@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use firn_protocol::{Event, Progress, Stamp, StepSpec};
 
-use crate::core::session::{Answer, Check, Clock, Receipted, Reply, SessionError, Simulation};
+use crate::core::session::{Answer, Beginning, Check, Clock, Receipted, Reply, SessionError, Simulation};
 use crate::core::snapshot::Snapshot;
 
 /// Most ticks of one step.
@@ -173,15 +173,18 @@ impl Simulation {
     }
 
     /// Begins a reset, or refuses it.
-    pub(crate) fn begin_reset(&mut self, saved: Option<&Snapshot>, answer: Answer<Receipted<()>>) {
+    pub(crate) fn begin_reset(&mut self, to: Beginning, answer: Answer<Receipted<()>>) {
         if self.step.is_some() {
             answer.give(Err(SessionError::Conflict(
                 "the session is being stepped; wait for that, or end it with DELETE …/step".into(),
             )));
         } else {
-            let rows = saved.map_or(0, Snapshot::object_rows);
-            match self.object_rows.try_take(rows) {
-                Ok(()) => self.reset(saved, answer),
+            let saved = match &to {
+                Beginning::Origin(saved) => saved.as_deref(),
+                Beginning::Snapshot(snapshot, _) => Some(&**snapshot),
+            };
+            match self.object_rows.try_take(saved.map_or(0, Snapshot::object_rows)) {
+                Ok(()) => self.reset(to, answer),
                 Err(why) => answer.refuse(&why),
             }
         }

@@ -5,7 +5,9 @@ use axum::Json as Answer;
 use axum::extract::{FromRequest, Request, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use firn_protocol::{CreatedSession, SessionSpec, SessionView, SettingsPatch, StepSpec, Terrain};
+use firn_protocol::{
+    CreatedSession, ResetSpec, SessionSpec, SessionView, SettingsPatch, StepSpec, Terrain,
+};
 use serde::Serialize;
 use utoipa::IntoParams;
 
@@ -297,21 +299,41 @@ pub async fn end_step(Target(session): Target) -> Result<StatusCode, Problem> {
 
 /// Reset a session
 ///
-/// Back to the state it was created in: snow, settings, clock and ledger, without colliders. Seqs
-/// go on.
+/// Back to the state it was created in: snow, settings, clock and ledger, without colliders. Where the body
+/// names a restore point, back to that; where it is a snapshot of the same grid and ground, the session becomes
+/// what that holds. Its name, its tokens and what it was created with stay, and seqs go on.
 #[utoipa::path(
     post,
     path = "/v1/sessions/{id}/reset",
     operation_id = "reset_session",
     tag = "sessions",
     params(SessionPath),
+    request_body(content(
+        (ResetSpec = "application/json"),
+        (SnapshotBytes = "application/vnd.firn.snapshot")
+    )),
     responses(
-        (status = 200, description = "The session as it was created", body = SessionView),
-        (status = 409, description = "The session is being stepped", body = Problem,
+        (status = 200, description = "The session as it is now", body = SessionView),
+        (status = 409, description = "The session is being stepped, or reset", body = Problem,
             content_type = "application/problem+json"),
-        SessionProblems
+        SessionProblems,
+        BodyProblems
     )
 )]
-pub async fn reset(State(app): State<App>, Target(session): Target) -> Result<Response, Problem> {
-    tell_of(&app, session.reset().await?).await
+pub async fn reset(
+    State(app): State<App>,
+    Target(session): Target,
+    request: Request,
+) -> Result<Response, Problem> {
+    let view = if media_type(request.headers()) == SNAPSHOT_MEDIA_TYPE {
+        let snapshot = read_body(request, &app).await?.to_vec();
+        session.reset_to_snapshot(snapshot).await?
+    } else {
+        let OptionalJson(to) = OptionalJson::<ResetSpec>::from_request(request, &app).await?;
+        match to.checkpoint {
+            Some(name) => session.reset_to_checkpoint(&name).await?,
+            None => session.reset().await?,
+        }
+    };
+    tell_of(&app, view).await
 }

@@ -90,9 +90,12 @@ impl Simulation {
             58..62 => Operation::Reissue,
             62..70 => Operation::Air(-self.dice.random_range(1..30)),
             70..78 => Operation::Pause(self.dice.random_bool(0.3)),
-            78..82 => Operation::Step(self.dice.random_range(1..200)),
+            // Few of them end before it is told how far they have come.
+            78..80 => Operation::Step(self.dice.random_range(1..200)),
+            80..82 => Operation::Step(self.dice.random_range(200..20_000)),
             82..90 => Operation::Put(object, self.dice.random_range(1..100)),
-            90..97 => Operation::Remove(object),
+            90..94 => Operation::Remove(object),
+            94..97 => Operation::EndStep,
             _ => Operation::Reset,
         };
         // What is sent again and comes late must make no difference to what came meanwhile.
