@@ -17,7 +17,8 @@ pub(crate) enum PointChange {
 impl World {
     /// Changes the restore points of a session, and answers once that is durable.
     pub(crate) fn change_points(&mut self, key: u64, change: PointChange, reply: Answer<()>) {
-        let known = self.records.get(&key).map(|record| record.points().clone()).unwrap_or_default();
+        let known =
+            self.records.get(&key).map(|record| record.points().clone()).unwrap_or_default();
         let parts = match self.storage.refusal() {
             Some(why) => Err(why),
             None => self.parts_of(&known, change),
@@ -39,9 +40,7 @@ impl World {
                 let (points, number) = known.with(RestorePoint { held, ..point })?;
                 Ok(vec![Part::Point(number, snapshot), Part::Points(Arc::new(points))])
             }
-            PointChange::Delete(name) => {
-                Ok(vec![Part::Points(Arc::new(known.without(&name)?))])
-            }
+            PointChange::Delete(name) => Ok(vec![Part::Points(Arc::new(known.without(&name)?))]),
         }
     }
 

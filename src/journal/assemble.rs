@@ -6,8 +6,8 @@ use std::sync::Arc;
 use serde::de::DeserializeOwned;
 
 use crate::core::record::{
-    Anchor, Checkpoint, Done, Entry, Epochs, Head, Heartbeat, Identity, Lock, RestorePoints, Stored,
-    bytes_of,
+    Anchor, Checkpoint, Done, Entry, Epochs, Head, Heartbeat, Identity, Lock, RestorePoints,
+    Stored, bytes_of,
 };
 use crate::journal::rows::HEARTBEAT;
 use crate::store::{Content, Kind, Row};

@@ -116,7 +116,8 @@ fn report(rows: BTreeMap<Row, Content>, format: Format, damage: Option<Damage>) 
             let missing = || Err("it is missing".to_owned());
             let read = points.get(&(key, point.number)).cloned().unwrap_or_else(missing);
             if let Err(why) = read {
-                broken.push(format!("the session '{id}': its restore point '{}': {why}", point.name));
+                broken
+                    .push(format!("the session '{id}': its restore point '{}': {why}", point.name));
             }
         }
         match read(&stored) {

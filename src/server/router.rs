@@ -20,8 +20,9 @@ use crate::http::answers;
 use crate::http::bodies::read_whole;
 use crate::http::gate::{check_host, check_origin, guard};
 use crate::http::handlers::{
-    self, air_temperature, cells, checkpoints, clearings, colliders, columns, health, height, heights, mass,
-    probes, profile, render, sessions, snapshots, snowfalls, store, tokens, unlock, usage,
+    self, air_temperature, cells, checkpoints, clearings, colliders, columns, health, height,
+    heights, mass, probes, profile, render, sessions, snapshots, snowfalls, store, tokens, unlock,
+    usage,
 };
 use crate::http::observe::observe;
 use crate::http::repeat::answer_once;

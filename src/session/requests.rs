@@ -11,8 +11,8 @@ use tokio::sync::{mpsc, oneshot};
 use crate::core::device::stopped;
 use crate::core::record::Once;
 use crate::core::session::{
-    Answer, Applied, Beginning, Change, Invalid, Place, Receipted, Request, Sampled, SessionError, Simulation,
-    gather,
+    Answer, Applied, Beginning, Change, Invalid, Place, Receipted, Request, Sampled, SessionError,
+    Simulation, gather,
 };
 use crate::core::snapshot::Snapshot;
 use crate::core::{Control, Input};

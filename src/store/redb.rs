@@ -19,8 +19,8 @@ use super::tables::{
     stamp,
 };
 use super::{
-    Compacted, Content, Damage, Format, Kind, Loaded, Row, Store, StoreError, Write, frame, no_file,
-    salvage,
+    Compacted, Content, Damage, Format, Kind, Loaded, Row, Store, StoreError, Write, frame,
+    no_file, salvage,
 };
 
 /// Batches that an earlier life of the store may have begun and not ended, at the most: parts of them

@@ -165,7 +165,10 @@ async fn a_long_step_is_told_and_a_short_one_is_not(backend: BackendChoice) {
             let event = client.event("step_progress").await;
             assert_eq!(event["progress"]["of"], 1_000_000);
             // It began at tick 1.
-            assert_eq!(event["progress"]["done"].as_u64().map(|done| done + 1), event["tick"].as_u64());
+            assert_eq!(
+                event["progress"]["done"].as_u64().map(|done| done + 1),
+                event["tick"].as_u64()
+            );
             assert!(event["tick"].as_u64() > Some(done), "{event}");
             done = event["tick"].as_u64().unwrap();
         }

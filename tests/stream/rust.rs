@@ -101,7 +101,11 @@ async fn a_step_is_told_and_ended(backend: BackendChoice) {
         assert_eq!(progress.of, 1_000_000);
         let view = session.view().await.unwrap();
         assert_eq!(view.state, State::Stepping);
-        assert!(view.progress.unwrap().done >= progress.done, "{:?} before {progress:?}", view.progress);
+        assert!(
+            view.progress.unwrap().done >= progress.done,
+            "{:?} before {progress:?}",
+            view.progress
+        );
         session.end_step().await.unwrap();
     };
     let (stepped, ()) = tokio::join!(session.step(&step), ended);

@@ -39,8 +39,8 @@ pub use events::Event;
 pub use probes::{Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use problem::{FieldError, Problem};
 pub use session::{
-    CreatedSession, Progress, SessionSpec, SessionView, Settings, SettingsPatch, SnowLayer, Stamp, State,
-    StepSpec, Summary, Terrain,
+    CreatedSession, Progress, SessionSpec, SessionView, Settings, SettingsPatch, SnowLayer, Stamp,
+    State, StepSpec, Summary, Terrain,
 };
 pub use snow::{ColumnView, LayerView, MassView, WeakLayerView};
 pub use store::{CompactReply, VerifyReply};

@@ -138,9 +138,9 @@ mod tests {
     #[test]
     fn there_is_room_for_sixteen() {
         let names: Vec<String> = (0..MOST_POINTS).map(|number| number.to_string()).collect();
-        let all = names.iter().fold(RestorePoints::default(), |points, name| {
-            points.with(point(name)).unwrap().0
-        });
+        let all = names
+            .iter()
+            .fold(RestorePoints::default(), |points, name| points.with(point(name)).unwrap().0);
         assert!(matches!(all.with(point("more")), Err(SessionError::Conflict(_))));
         assert!(all.with(point("7")).is_ok());
     }

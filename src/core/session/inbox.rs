@@ -118,7 +118,10 @@ impl Simulation {
     pub(crate) fn conflict(&self, request: &Request) -> Option<SessionError> {
         let steps = matches!(request, Request::Step { .. } | Request::Reset { .. });
         (steps && self.step.is_some()).then(|| {
-            SessionError::Conflict("the session is being stepped; wait for that, or end it with DELETE …/step".to_owned())
+            SessionError::Conflict(
+                "the session is being stepped; wait for that, or end it with DELETE …/step"
+                    .to_owned(),
+            )
         })
     }
 

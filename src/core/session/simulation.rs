@@ -9,8 +9,8 @@ use firn_protocol::SessionSpec;
 use crate::core::object_rows::ObjectRows;
 use crate::core::record::{Log, Replay};
 use crate::core::session::{
-    Answer, Beginning, Charge, Command, Flight, Orders, Outlet, Portions, Receipted, Reply, SessionError,
-    SessionState, StepJob,
+    Answer, Beginning, Charge, Command, Flight, Orders, Outlet, Portions, Receipted, Reply,
+    SessionError, SessionState, StepJob,
 };
 use crate::core::snapshot::Snapshot;
 

@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use firn_protocol::{Event, Progress, Stamp, StepSpec};
 
-use crate::core::session::{Answer, Beginning, Check, Clock, Receipted, Reply, SessionError, Simulation};
+use crate::core::session::{
+    Answer, Beginning, Check, Clock, Receipted, Reply, SessionError, Simulation,
+};
 use crate::core::snapshot::Snapshot;
 
 /// Most ticks of one step.
