@@ -6,7 +6,9 @@ use std::sync::Arc;
 use crate::core::back::Coming;
 use crate::core::making::{Of, Room};
 use crate::core::record::{Anchor, Identity, Log, Part};
-use crate::core::session::{Answer, Outlet, Reply, Request, SessionError, Simulation, TokenHashes};
+use crate::core::session::{
+    Answer, Outlet, Receipted, Reply, Request, SessionError, Simulation, TokenHashes,
+};
 use crate::core::stop::Stop;
 use crate::core::{Control, Creation, Input, World};
 
@@ -58,8 +60,9 @@ impl World {
             Control::Delete(reply) => self.delete(key, Some(reply)),
             Control::Tokens(hashes, reply) => self.set_tokens(session, hashes, reply),
             Control::Unlock(reply) => self.unlock(key, reply),
+            Control::Points(change, reply) => self.change_points(key, change, reply),
             Control::Wake => self.wake(key),
-            Control::EndStep(number) => self.end_step(key, number),
+            Control::EndStep(number, reply) => self.end_step(key, number, reply),
         }
     }
 
@@ -157,12 +160,20 @@ impl World {
         self.submit_parts(session.key, vec![Part::Identity(identity)], Some(reply));
     }
 
-    /// Ends a step that nobody waits for any more, at the tick it has reached, or before it has begun.
-    fn end_step(&mut self, key: u64, number: u64) {
-        if let Some(inbox) = self.mail.get_mut(&key) {
+    /// Ends a step at the tick it has reached: the one of a number, also before it has begun, or the one under way.
+    fn end_step(&mut self, key: u64, number: Option<u64>, reply: Answer<Receipted<()>>) {
+        if let (Some(number), Some(inbox)) = (number, self.mail.get_mut(&key)) {
             inbox.forget_step(number);
         }
-        self.guard(key, |simulation| simulation.forget_step(number));
+        let steps = self.simulations.get(&key).is_some_and(|it| it.is_stepping(number));
+        if !steps {
+            reply.refuse(&SessionError::Conflict("no step of the session is under way".to_owned()));
+            return;
+        }
+        self.guard(key, |simulation| {
+            simulation.end_step();
+            simulation.next.replies.push(Reply::Done(reply));
+        });
         self.review(key);
     }
 

@@ -13,6 +13,7 @@ mod making;
 mod object_rows;
 pub(crate) mod reading;
 pub(crate) mod record;
+pub(crate) mod restore_points;
 mod rewriting;
 pub(crate) mod session;
 mod simulations;
@@ -36,7 +37,8 @@ use crate::store::StoreError;
 
 use reading::{Read, Wanted};
 use record::{Append, Checkpoint, Hash, Heartbeat, Part, Taken};
-use session::{Answer, Limits, Outlet, Request, SessionError, TokenHashes};
+use restore_points::PointChange;
+use session::{Answer, Limits, Outlet, Receipted, Request, SessionError, TokenHashes};
 
 pub(crate) use making::Creation;
 pub(crate) use world::World;
@@ -107,20 +109,25 @@ pub(crate) enum Control {
     Delete(Answer<()>),
     Tokens(TokenHashes, Answer<()>),
     Unlock(Answer<()>),
+    /// A restore point is kept or deleted.
+    Points(PointChange, Answer<()>),
     /// Somebody asks for the session.
     Wake,
-    /// Nobody waits for the step any more that has this number.
-    EndStep(u64),
+    /// A step ends at the tick it has reached: the one of a number, for which nobody waits any more, or the one
+    /// under way.
+    EndStep(Option<u64>, Answer<Receipted<()>>),
 }
 
 impl Control {
     /// Tells who sent it why there is no answer.
     pub fn refuse(self, why: &SessionError) {
         match self {
-            Control::Delete(reply) | Control::Tokens(_, reply) | Control::Unlock(reply) => {
-                reply.refuse(why);
-            }
-            Control::Wake | Control::EndStep(_) => {}
+            Control::Delete(reply)
+            | Control::Tokens(_, reply)
+            | Control::Unlock(reply)
+            | Control::Points(_, reply) => reply.refuse(why),
+            Control::EndStep(_, reply) => reply.refuse(why),
+            Control::Wake => {}
         }
     }
 }

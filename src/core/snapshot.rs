@@ -10,7 +10,7 @@ use std::sync::Arc;
 use firn_engine::frame::{Contents, Edit, TileCells};
 use firn_engine::reserve::ask_for;
 use firn_protocol::{SessionSpec, Stamp, Terrain};
-use firn_snow::Cell;
+use firn_snow::{Cell, Material};
 
 use self::body::Body;
 use self::description::{Description, SavedCollider};
@@ -166,9 +166,25 @@ impl Snapshot {
         Ok(description.state(ground))
     }
 
+    /// Simulated time at which it was taken \[s\].
+    pub(crate) fn sim_time(&self) -> f64 {
+        self.description.clock.sim_time()
+    }
+
     /// What it was created with.
     pub fn spec(&self) -> &SessionSpec {
         &self.description.spec
+    }
+
+    /// The ground that it lies on, where that is another than the one a session was `created` with.
+    pub(crate) fn ground_beside(&self, created: &Ground) -> Option<Ground> {
+        if self.ground.is_some() {
+            return self.ground.clone();
+        }
+        let SessionSpec { grid, terrain, .. } = self.spec();
+        let own = Ground::of(terrain.as_ref());
+        let level = || Ground::new(vec![0.0; grid.columns() as usize].into());
+        (own != *created).then(|| if own.is_level() { level() } else { own })
     }
 
     /// What its objects take in the device's tables.
@@ -256,8 +272,11 @@ impl Simulation {
             position: collider.position,
             contact: collider.contact,
         });
+        // A reset may have brought another material along.
+        let stiffness_exponent = self.session.spec.material.stiffness_exponent;
+        let material = Material { stiffness_exponent, ..self.state.material };
         let description = Description {
-            spec: SessionSpec { id: None, ..self.session.spec.clone() },
+            spec: SessionSpec { id: None, material, ..self.session.spec.clone() },
             terrain: self.session.spec.terrain.is_some(),
             ground: self.state.ground.is_some(),
             settings: self.state.settings,
@@ -275,8 +294,9 @@ impl Simulation {
     /// Makes the session what was saved, in the next frame.
     pub(crate) fn restore(&mut self, snapshot: &Snapshot) {
         let saved = &snapshot.description;
-        let lay_elsewhere = self.state.ground.is_some() || snapshot.ground.is_some();
-        self.state = saved.state(snapshot.ground.clone());
+        let ground = snapshot.ground_beside(&self.session.ground);
+        let lay_elsewhere = self.state.ground.is_some() || ground.is_some();
+        self.state = saved.state(ground);
         if lay_elsewhere {
             let ground = self.ground().heights().clone();
             self.next.edits.push(Edit::SetGround(ground));

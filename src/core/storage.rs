@@ -157,6 +157,7 @@ impl World {
                             session.set_locked(false);
                         }
                     }
+                    Part::Points(points) => self.show_points(key, points),
                     Part::Delete => self.deleted(key),
                     _ => {}
                 }
@@ -245,10 +246,13 @@ impl World {
 
     /// Hands a checkpoint over that was made of a session's snapshot.
     fn packed(&mut self, key: u64, life: u64, checkpoint: Option<Arc<Checkpoint>>) {
-        let lives = self.simulations.get(&key).is_some_and(|sim| sim.log.life() == life);
+        let log = self.simulations.get(&key).map(|sim| &sim.log);
+        let log = log.filter(|log| log.life() == life);
         // Of a session that is being deleted nothing more is stored.
-        let keeps = lives && self.storage.failure.is_none() && !self.is_leaving(key);
-        match checkpoint.filter(|_| keeps) {
+        let keeps = self.storage.failure.is_none() && !self.is_leaving(key);
+        // Where it began anew meanwhile, the checkpoint is of what it is no more.
+        let is_of_it = |made: &Arc<Checkpoint>| log.is_some_and(|log| log.is_covered_by(made.base));
+        match checkpoint.filter(|made| keeps && is_of_it(made)) {
             Some(checkpoint) => self.submit_parts(key, vec![Part::Checkpoint(checkpoint)], None),
             None => self.checkpointed(key, life, false),
         }

@@ -7,7 +7,7 @@ use tracing::{info, warn};
 
 use crate::core::back::Coming;
 use crate::core::begin::begin_epoch;
-use crate::core::record::{Heartbeat, Record, Stored};
+use crate::core::record::{Heartbeat, Part, Record, Stored};
 use crate::driver::{Durability, StartError};
 use crate::journal::{Assembled, assemble, migrate};
 use crate::machine;
@@ -111,6 +111,10 @@ pub(crate) fn bring_back(
             }
         };
         first.extend(paused);
+        if !stored.gone_points.is_empty() {
+            first.push(Part::RemovePoints(std::mem::take(&mut stored.gone_points)));
+        }
+        session.set_points(stored.points.clone());
         if stored.lock.is_some() {
             session.set_locked(true);
             warn!(

@@ -125,16 +125,16 @@ impl Driver {
             backend.maker(),
         );
         sessions.keys.store(next_key, Ordering::Relaxed);
+        let mailbox = send.downgrade();
+        let (journal, workers) =
+            Journal::new(durability.store, keyed.clone(), vitals.store.clone(), mailbox.clone());
+        sessions.store = journal.keeper();
         let adapter = fingerprint(backend.device());
         let (records, coming) = bring_back(&sessions, stored, heartbeat, adapter);
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_time()
             .max_blocking_threads(DECODED_AT_ONCE)
             .build()?;
-        let mailbox = send.downgrade();
-        let (journal, workers) =
-            Journal::new(durability.store, keyed.clone(), vitals.store.clone(), mailbox.clone());
-        sessions.store = journal.keeper();
         let world = World::new(Setup {
             now: Now { instant: machine::now(), stored: clock.now() },
             executor,

@@ -24,6 +24,17 @@ pub struct ColliderPath {
     cid: String,
 }
 
+/// Path parameters of everything about a restore point.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Path)]
+#[expect(dead_code, reason = "it only describes the parameters")]
+pub struct CheckpointPath {
+    /// Name of the session.
+    id: String,
+    /// Name of the restore point, `[A-Za-z0-9_-]{1,64}`.
+    name: String,
+}
+
 /// What a client may hold already.
 #[derive(IntoParams)]
 #[into_params(parameter_in = Header)]

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use serde::de::DeserializeOwned;
 
 use crate::core::record::{
-    Anchor, Checkpoint, Done, Entry, Epochs, Head, Heartbeat, Identity, Lock, Stored, bytes_of,
+    Anchor, Checkpoint, Done, Entry, Epochs, Head, Heartbeat, Identity, Lock, RestorePoints,
+    Stored, bytes_of,
 };
 use crate::journal::rows::HEARTBEAT;
 use crate::store::{Content, Kind, Row};
@@ -106,6 +107,11 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
     let mut done: Vec<Arc<Done>> = done.map(Arc::new).collect();
     done.sort_by_key(|done| done.at());
     let done = VecDeque::from(done);
+    let points = one(Kind::Points).and_then(|content| parse::<RestorePoints>(&content.bytes));
+    let points = points.unwrap_or_default();
+    let kept: Vec<u64> = points.numbers().collect();
+    let found = rows.iter().filter(|(row, _)| row.kind == Kind::Point).map(|(row, _)| row.number);
+    let gone_points = found.filter(|number| !kept.contains(number)).collect();
     Ok(Stored {
         identity: Arc::new(identity),
         origin: one(Kind::Origin).map(|content| content.bytes.clone().into()),
@@ -116,6 +122,8 @@ fn put_together(rows: Vec<(Row, Content)>) -> Result<Stored, String> {
         epochs,
         done,
         lock: one(Kind::Lock).map(|content| Lock::read(&content.bytes)),
+        points: Arc::new(points),
+        gone_points,
     })
 }
 

@@ -106,11 +106,20 @@ fn reply(report: StoreReport, mut damage: Vec<String>, counts: [u64; 3]) -> Veri
 fn report(rows: BTreeMap<Row, Content>, format: Format, damage: Option<Damage>) -> StoreReport {
     let (rows, mut broken) =
         if format == Format::First { migrate(rows) } else { (rows, Vec::new()) };
+    let points = read_points(&rows);
     let Assembled { sessions, broken: parted, heartbeat } = assemble(rows);
     broken.extend(parted);
     let mut whole = Vec::with_capacity(sessions.len());
-    for stored in sessions.into_values() {
+    for (key, stored) in sessions {
         let id = stored.identity.id.clone();
+        for point in stored.points.iter() {
+            let missing = || Err("it is missing".to_owned());
+            let read = points.get(&(key, point.number)).cloned().unwrap_or_else(missing);
+            if let Err(why) = read {
+                broken
+                    .push(format!("the session '{id}': its restore point '{}': {why}", point.name));
+            }
+        }
         match read(&stored) {
             Ok(()) => whole.push(StoredSession {
                 id,
@@ -125,6 +134,16 @@ fn report(rows: BTreeMap<Row, Content>, format: Format, damage: Option<Damage>) 
     broken.extend(missing.map(|key| format!("a session of which nothing was found (key {key})")));
     let damage = damage.map(|damage| damage.what);
     StoreReport { format, sessions: whole, broken, damage }
+}
+
+/// Which restore points can be read, by session and number. Those of which only the name was read count as such.
+fn read_points(rows: &BTreeMap<Row, Content>) -> BTreeMap<(u64, u64), Result<(), String>> {
+    let points = rows.iter().filter(|(row, _)| row.kind == Kind::Point);
+    let read = |bytes: &[u8]| match bytes {
+        [] => Ok(()),
+        bytes => Snapshot::decode(bytes, &Limits::NONE).map(drop).map_err(|why| why.to_string()),
+    };
+    points.map(|(row, content)| ((row.session, row.number), read(&content.bytes))).collect()
 }
 
 /// Reads all of a session.

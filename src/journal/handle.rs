@@ -30,7 +30,7 @@ pub(crate) enum Task {
         /// Rejections that the world has heard of.
         heard: u64,
     },
-    /// Of an administrator, for the store as a whole.
+    /// Something else that is wanted of the store.
     Errand(Errand),
 }
 

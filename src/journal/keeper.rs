@@ -1,4 +1,5 @@
-//! What an administrator asks of the store as a whole, beside all that sessions have written.
+//! What is asked of the store beside commits: what an administrator asks of it as a whole, and restore points, which
+//! are read when somebody wants them.
 //!
 //! The thread that commits takes a moment of the store, which takes no time, and another thread reads it. Only
 //! compaction needs the file for itself, and changes wait for it.
@@ -12,8 +13,9 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
 use super::check::verify;
 use super::handle::Task;
+use super::rows::point_row;
 use crate::core::session::SessionError;
-use crate::store::{Compacted, Moment, Store, StoreError};
+use crate::store::{Compacted, Moment, Row, Store, StoreError};
 use crate::threads::{self, Priority};
 
 type Reply<T> = oneshot::Sender<Result<T, StoreError>>;
@@ -22,6 +24,7 @@ type Reply<T> = oneshot::Sender<Result<T, StoreError>>;
 pub(super) enum Errand {
     Moment(Reply<Moment>),
     Compact(Reply<Compacted>),
+    Read(Row, Reply<Option<Vec<u8>>>),
 }
 
 impl Errand {
@@ -29,6 +32,7 @@ impl Errand {
     pub fn run(self, store: &mut dyn Store) {
         match self {
             Errand::Moment(reply) => drop(reply.send(store.moment())),
+            Errand::Read(row, reply) => drop(reply.send(store.read(row))),
             Errand::Compact(reply) => drop(reply.send(store.compact())),
         }
     }
@@ -119,6 +123,20 @@ impl StoreKeeper {
         });
         let Compacted { before, after } = compacted.await.map_err(|_| ended())??;
         Ok(CompactReply { bytes_before: before, bytes_after: after })
+    }
+
+    /// The snapshot of a session's restore point; `None` where it is no more.
+    ///
+    /// # Errors
+    /// [`SessionError::Unavailable`] while the server stops, and [`SessionError::Internal`] where the store
+    /// can't be read.
+    pub(crate) async fn restore_point(
+        &self,
+        session: u64,
+        number: u64,
+    ) -> Result<Option<Vec<u8>>, SessionError> {
+        let tasks = self.0.as_ref().and_then(|kept| kept.tasks.upgrade()).ok_or_else(ended)?;
+        ask(tasks, |reply| Errand::Read(point_row(session, number), reply)).await
     }
 
     fn begin(&self) -> Result<(Arc<mpsc::Sender<Task>>, OwnedSemaphorePermit), SessionError> {

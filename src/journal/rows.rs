@@ -34,14 +34,38 @@ pub(crate) fn write(session: u64, parts: &[Part], writes: &mut Vec<Write>) {
                 writes.push(Write::Put(row(Kind::Checkpoint, 0), checkpoint.encode()));
                 writes.push(Write::RemoveEntries { session, before });
             }
+            Part::Reset(checkpoint) => {
+                let before = checkpoint.base;
+                writes.push(Write::Put(row(Kind::Checkpoint, 0), checkpoint.encode()));
+                writes.push(Write::RemoveEntries { session, before });
+                // An older checkpoint in a damaged file lacks what this has replaced.
+                writes.push(Write::Put(row(Kind::Head, 0), json(&Head { next: before })));
+            }
             Part::Done(done) => writes.push(Write::Put(row_of(session, done), json(&**done))),
             Part::Lock(lock) => writes.push(match lock {
                 Some(lock) => Write::Put(row(Kind::Lock, 0), json(lock)),
                 None => Write::Remove(row(Kind::Lock, 0)),
             }),
+            Part::Points(points) => writes.push(Write::Put(row(Kind::Points, 0), json(&**points))),
+            Part::Point(number, snapshot) => {
+                writes.push(Write::Put(point_row(session, *number), snapshot.to_vec()));
+            }
+            Part::RemovePoints(numbers) => {
+                let rows = numbers.iter().map(|number| point_row(session, *number));
+                writes.extend(rows.map(Write::Remove));
+            }
+            Part::Anew(points) => {
+                let kept = points.numbers().map(|number| point_row(session, number)).collect();
+                writes.push(Write::RemoveOthers { session, kept });
+            }
             Part::Delete => writes.push(Write::RemoveSession(session)),
         }
     }
+}
+
+/// The row of a restore point's snapshot.
+pub(crate) fn point_row(session: u64, number: u64) -> Row {
+    Row { session, kind: Kind::Point, number }
 }
 
 /// The row of what was done for a request with a key.

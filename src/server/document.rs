@@ -21,10 +21,12 @@ const BEARER: &str = "bearer";
 /// The OpenAPI document of the REST interface.
 pub fn document() -> utoipa::openapi::OpenApi {
     let mut document = router::routes().into_openapi();
-    // The one body that may be left out; the annotations can't say so.
-    let creation = document.paths.paths.get_mut("/v1/sessions").and_then(|path| path.post.as_mut());
-    if let Some(RefOr::T(body)) = creation.and_then(|post| post.request_body.as_mut()) {
-        body.required = Some(Required::False);
+    // Bodies that may be left out; the annotations can't say so.
+    for path in ["/v1/sessions", "/v1/sessions/{id}/reset"] {
+        let post = document.paths.paths.get_mut(path).and_then(|path| path.post.as_mut());
+        if let Some(RefOr::T(body)) = post.and_then(|post| post.request_body.as_mut()) {
+            body.required = Some(Required::False);
+        }
     }
     for (path, item) in &mut document.paths.paths {
         if path.starts_with("/v1/") {

@@ -21,9 +21,9 @@ use crate::http::bodies::read_whole;
 use crate::http::compression::compress;
 use crate::http::gate::{check_host, check_origin, guard};
 use crate::http::handlers::{
-    self, air_temperature, cells, clearings, colliders, columns, health, height, heights, mass,
-    probes, profile, render, samples, sessions, snapshots, snowfalls, store, terrain, tokens,
-    unlock, usage,
+    self, air_temperature, cells, checkpoints, clearings, colliders, columns, health, height,
+    heights, mass, probes, profile, render, samples, sessions, snapshots, snowfalls, store,
+    terrain, tokens, unlock, usage,
 };
 use crate::http::observe::observe;
 use crate::http::repeat::answer_once;
@@ -93,6 +93,8 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(profile::get))
         .routes(routes!(snapshots::get))
         .routes(routes!(snapshots::digest))
+        .routes(routes!(checkpoints::list))
+        .routes(routes!(checkpoints::get, checkpoints::put, checkpoints::delete))
         .routes(routes!(probes::create))
         .routes(routes!(samples::create))
         .routes(routes!(health::livez))
@@ -104,7 +106,7 @@ fn timed_routes() -> OpenApiRouter<App> {
 /// Routes that may take as long as they need.
 fn untimed_routes() -> OpenApiRouter<App> {
     OpenApiRouter::default()
-        .routes(routes!(sessions::step))
+        .routes(routes!(sessions::step, sessions::end_step))
         .routes(routes!(store::backup))
         .routes(routes!(store::verify))
         .routes(routes!(store::compact))

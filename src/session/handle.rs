@@ -14,9 +14,9 @@ use super::memory::Companion;
 use super::registry::Sessions;
 use crate::core::Input;
 use crate::core::record::{Epochs, Identity, Weight};
-use crate::core::session::{Limits, Outlet, SessionError, TokenHashes, WaitingRoom};
+use crate::core::session::{Limits, Mirror, Outlet, SessionError, TokenHashes, WaitingRoom};
 use crate::core::tenant::Tenant;
-use crate::journal::KeyedRequests;
+use crate::journal::{KeyedRequests, StoreKeeper};
 use crate::machine;
 
 /// A session. Reads are served from its outlet; changes go to the world's thread.
@@ -32,6 +32,8 @@ pub struct Session {
     /// Steps that it was asked for.
     pub(crate) steps: AtomicU64,
     pub(crate) keyed: Arc<KeyedRequests>,
+    /// Where its restore points are read.
+    pub(crate) store: StoreKeeper,
     companion: OnceLock<Arc<dyn Companion>>,
 }
 
@@ -92,6 +94,7 @@ impl Session {
             world: sessions.world.clone(),
             steps: AtomicU64::new(0),
             keyed: sessions.keyed.clone(),
+            store: sessions.store.clone(),
             companion: OnceLock::new(),
         })
     }
@@ -123,7 +126,8 @@ impl Session {
             material: mirror.material,
             settings: mirror.settings,
             terrain: !mirror.ground.is_level(),
-            state: self.state(mirror.settings.paused),
+            state: self.state(&mirror),
+            progress: mirror.progress,
             locked: self.is_locked(),
             tick: clock.tick(),
             seq: mirror.seq,
@@ -150,11 +154,12 @@ impl Session {
         cell_bytes(&self.spec.grid) + 16 * self.spec.grid.columns() + 512 * objects
     }
 
-    fn state(&self, paused: bool) -> State {
-        match (self.is_hibernating(), paused) {
-            (true, _) => State::Hibernating,
-            (false, true) => State::Paused,
-            (false, false) => State::Running,
+    fn state(&self, mirror: &Mirror) -> State {
+        match mirror.settings.paused {
+            _ if self.is_hibernating() => State::Hibernating,
+            true if mirror.progress.is_some() => State::Stepping,
+            true => State::Paused,
+            false => State::Running,
         }
     }
 

@@ -1,5 +1,6 @@
 //! What the rest of the server sees of sessions: names, handles, requests, views.
 
+mod checkpoints;
 pub(crate) mod handle;
 mod lock;
 mod memory;

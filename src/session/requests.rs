@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering;
 
-use firn_protocol::{ColumnView, MassView, SessionView, StepSpec};
+use firn_protocol::{ColumnView, MassView, SessionSpec, SessionView, StepSpec};
 use firn_snow::{Column, TILE_COLUMNS};
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
@@ -10,8 +10,8 @@ use tokio::sync::{mpsc, oneshot};
 use crate::core::device::stopped;
 use crate::core::record::Once;
 use crate::core::session::{
-    Answer, Applied, CellBox, Change, Invalid, Place, Receipted, Request, Sampled, SessionError,
-    Simulation, gather,
+    Answer, Applied, Beginning, CellBox, Change, Invalid, Place, Receipted, Request, Sampled,
+    SessionError, Simulation, gather,
 };
 use crate::core::snapshot::Snapshot;
 use crate::core::{Control, Input};
@@ -65,27 +65,66 @@ impl Session {
         stepped.map(|()| self.view())
     }
 
+    /// Ends the step under way at the tick it has reached, and returns when that is durable and visible to
+    /// the next read.
+    ///
+    /// # Errors
+    /// [`SessionError::Conflict`] where no step is under way.
+    pub async fn end_step(&self) -> Result<(), SessionError> {
+        let ended = self.control(|reply| Control::EndStep(None, reply)).await?;
+        self.receipts.wait(ended.position).await
+    }
+
     /// Brings the session back to the state it was created in; seqs go on.
     ///
     /// # Errors
     /// [`SessionError::Conflict`] while it is being stepped.
     pub async fn reset(&self) -> Result<SessionView, SessionError> {
         self.check_unlocked()?;
-        let saved = match &self.origin {
+        let saved = match self.origin.clone() {
             None => None,
             Some(bytes) => {
-                let permit = self.decoding.clone().acquire_owned().await;
-                let (bytes, limits) = (bytes.clone(), self.limits);
-                let decoded = blocking(move || {
-                    let _permit = permit;
-                    Snapshot::decode(&bytes, &limits)
-                });
-                let decoded = decoded.await?;
-                Some(Box::new(decoded))
+                let limits = self.limits;
+                Some(self.decode(move || Ok((Snapshot::decode(&bytes, &limits)?, ()))).await?.0)
             }
         };
-        self.ask_durably(0, |reply| Request::Reset { saved, reply }).await?;
+        self.reset_to(Beginning::Origin(saved)).await
+    }
+
+    /// Makes the session what a snapshot of the same grid and ground holds; name, tokens and seqs go on.
+    ///
+    /// # Errors
+    /// [`SessionError::Invalid`] where the snapshot is damaged or of another grid or ground, and
+    /// [`SessionError::Conflict`] while it is being stepped.
+    pub async fn reset_to_snapshot(&self, bytes: Vec<u8>) -> Result<SessionView, SessionError> {
+        self.check_unlocked()?;
+        let (outlet, limits) = (self.outlet.clone(), self.limits);
+        let decode = move || {
+            let fits = |spec: &SessionSpec| outlet.check_place(spec);
+            let (snapshot, ()) = Snapshot::decode_admitted(&bytes, &limits, fits)?;
+            Ok((snapshot, bytes))
+        };
+        let (snapshot, bytes) = self.decode(decode).await?;
+        self.reset_to(Beginning::Snapshot(snapshot, bytes)).await
+    }
+
+    async fn reset_to(&self, to: Beginning) -> Result<SessionView, SessionError> {
+        self.ask_durably(0, |reply| Request::Reset { to, reply }).await?;
         Ok(self.view())
+    }
+
+    /// Decodes a snapshot, as soon as there is memory for that.
+    async fn decode<T: Send + 'static>(
+        &self,
+        decode: impl FnOnce() -> Result<(Snapshot, T), SessionError> + Send + 'static,
+    ) -> Result<(Box<Snapshot>, T), SessionError> {
+        let permit = self.decoding.clone().acquire_owned().await;
+        let decoded = blocking(move || {
+            let _permit = permit;
+            decode()
+        });
+        let (snapshot, beside) = decoded.await?;
+        Ok((Box::new(snapshot), beside))
     }
 
     /// The material cells of a column.
@@ -216,10 +255,10 @@ impl Session {
     }
 
     /// Has something done that does not wait for what is asked of the session.
-    pub(crate) async fn control(
+    pub(crate) async fn control<T>(
         &self,
-        control: impl FnOnce(Answer<()>) -> Control,
-    ) -> Result<(), SessionError> {
+        control: impl FnOnce(Answer<T>) -> Control,
+    ) -> Result<T, SessionError> {
         let input = |reply| Input::Control { key: self.key, control: control(reply) };
         ask(&self.world, None, input).await
     }
@@ -235,7 +274,8 @@ struct EndStep<'s> {
 impl Drop for EndStep<'_> {
     fn drop(&mut self) {
         if !self.ended {
-            let (key, control) = (self.session.key, Control::EndStep(self.number));
+            let (nobody, _) = Answer::new(None);
+            let (key, control) = (self.session.key, Control::EndStep(Some(self.number), nobody));
             let sent = self.session.world.try_send(Input::Control { key, control });
             // Where the queue is full it is told as soon as there is room.
             if let Err(mpsc::error::TrySendError::Full(input)) = sent

@@ -59,6 +59,8 @@ impl Row {
             Kind::Epochs,
             Kind::Head,
             Kind::Format,
+            Kind::Points,
+            Kind::Point,
         ];
         Some(Row {
             session: u64::from_be_bytes(*session),

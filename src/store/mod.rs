@@ -58,6 +58,10 @@ pub enum Kind {
     Head = 15,
     /// The format of all rows. The store keeps it for itself.
     Format = 16,
+    /// Which restore points a session has.
+    Points = 17,
+    /// The snapshot of a restore point.
+    Point = 18,
 }
 
 /// What rows mean.
@@ -112,6 +116,13 @@ pub enum Write {
         /// First number that stays.
         before: u64,
     },
+    /// Removes all rows of a session but some, for what is written anew in the same batch.
+    RemoveOthers {
+        /// The session.
+        session: u64,
+        /// The rows that stay, where they are there.
+        kept: Vec<Row>,
+    },
     /// Removes all rows of a session. Where no identity follows in the same batch the session is dead:
     /// nothing brings it back from a damaged file.
     RemoveSession(u64),
@@ -129,7 +140,7 @@ pub struct Content {
 /// Everything that a store holds.
 #[derive(Debug, Default)]
 pub struct Loaded {
-    /// Every sound row.
+    /// Every sound row; those of restore points without their bytes, unless something is damaged.
     pub rows: BTreeMap<Row, Content>,
     /// The lowest key that no session has had.
     pub next_key: u64,
@@ -204,6 +215,15 @@ pub trait Store: Send + fmt::Debug {
     /// # Errors
     /// Where it may not be durable. Trying again later may succeed.
     fn commit(&mut self, writes: &[Write]) -> Result<(), StoreError>;
+
+    /// What a row holds now; `None` where there is no such row.
+    ///
+    /// # Errors
+    /// Where there is no file, or the row can't be read.
+    fn read(&mut self, row: Row) -> Result<Option<Vec<u8>>, StoreError> {
+        let _ = row;
+        Err(no_file())
+    }
 
     /// All that is committed now, to be read by another thread while more is committed.
     ///

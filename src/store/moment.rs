@@ -17,7 +17,7 @@ use super::frame::{self, HEAD, Head};
 use super::open::builder;
 use super::roster::{Population, is_kept_twice};
 use super::tables::{CLOCK, FIRST_ROWS, FORMAT, HEADS, ROWS, check_format, failed, put_all};
-use super::{Content, Format, Row, StoreError, salvage};
+use super::{Content, Format, Kind, Row, StoreError, salvage};
 
 /// Rows with what they hold.
 pub type Rows = BTreeMap<Row, Content>;
@@ -70,13 +70,31 @@ impl Moment {
         Ok(Moment { transaction: database.begin_read()?, directory })
     }
 
-    /// Every sound row, the format, and what is wrong with others.
-    pub(super) fn rows(&self) -> Result<(Rows, Format, Vec<Flaw>), redb::Error> {
+    /// Every sound row, the format, and what is wrong with others. What rows of a kind hold may be left out.
+    pub(super) fn rows(
+        &self,
+        left_out: Option<Kind>,
+    ) -> Result<(Rows, Format, Vec<Flaw>), redb::Error> {
         let (mut rows, mut flaws) = (Rows::new(), Vec::new());
         let format = self.format()?;
         let table = if format == Format::First { FIRST_ROWS } else { ROWS };
-        self.walk(table, format, &mut flaws, |row, content, _| drop(rows.insert(row, content)))?;
+        self.walk(table, format, &mut flaws, |row, mut content, _| {
+            if left_out == Some(row.kind) {
+                content.bytes = Vec::new();
+            }
+            rows.insert(row, content);
+        })?;
         Ok((rows, format, flaws))
+    }
+
+    /// What a row holds, where it is there.
+    pub(super) fn row(&self, row: Row) -> Result<Option<Vec<u8>>, redb::Error> {
+        let Some(table) = self.exists(ROWS)? else { return Ok(None) };
+        let Some(sealed) = table.get(&row.name()[..])? else { return Ok(None) };
+        let opened = frame::open(Format::Present.magic(), sealed.value());
+        let found = opened.filter(|(named, _)| *named == row);
+        let damaged = || redb::Error::Corrupted(format!("the checksum of a row is wrong: {row:?}"));
+        found.map(|(_, content)| Some(content.bytes)).ok_or_else(damaged)
     }
 
     /// That of the first Firn names no format, but has its rows elsewhere.

@@ -19,8 +19,8 @@ use super::tables::{
     stamp,
 };
 use super::{
-    Compacted, Content, Damage, Format, Loaded, Row, Store, StoreError, Write, frame, no_file,
-    salvage,
+    Compacted, Content, Damage, Format, Kind, Loaded, Row, Store, StoreError, Write, frame,
+    no_file, salvage,
 };
 
 /// Batches that an earlier life of the store may have begun and not ended, at the most: parts of them
@@ -177,11 +177,16 @@ impl RedbStore {
         Ok(())
     }
 
-    fn read(&self) -> Result<(Rows, Format, Option<Damage>), redb::Error> {
+    fn read_all(&self) -> Result<(Rows, Format, Option<Damage>), redb::Error> {
         let Some(database) = &self.database else {
             return Ok((Rows::new(), Format::Present, None));
         };
-        let (rows, format, mut flaws) = Moment::of(database, None)?.rows()?;
+        let moment = Moment::of(database, None)?;
+        // Restore points are read when somebody wants them; where all goes into a new file, they are part of it.
+        let (mut rows, format, mut flaws) = moment.rows(Some(Kind::Point))?;
+        if !flaws.is_empty() {
+            (rows, ..) = moment.rows(None)?;
+        }
         let damage = flaws.pop().map(|Flaw { row, what }| {
             let what = format!("a row can't be read: {row:?}, {what}");
             Damage { what, missing: Vec::new() }
@@ -254,7 +259,7 @@ impl Store for RedbStore {
     fn load(&mut self) -> Result<Loaded, StoreError> {
         let (mut rows, format, damage) = match self.found.take() {
             Some(Found { rows, format, damage }) => (rows, format, Some(damage)),
-            None => self.read().map_err(failed)?,
+            None => self.read_all().map_err(failed)?,
         };
         self.damaged = damage.is_some();
         if let Some(format) = rows.remove(&FORMAT) {
@@ -298,6 +303,10 @@ impl Store for RedbStore {
         self.batch = self.batch.saturating_add(1);
         // What lies in a file that nobody finds is not stored; it stays open, so that it can be copied.
         written.and_then(|()| self.check())
+    }
+
+    fn read(&mut self, row: Row) -> Result<Option<Vec<u8>>, StoreError> {
+        self.attempt(|store| Moment::of(store.database()?, None)?.row(row))
     }
 
     fn moment(&mut self) -> Result<Moment, StoreError> {

@@ -184,6 +184,7 @@ pub(super) fn is_kept_twice(kind: Kind) -> bool {
             | Kind::Tombstone
             | Kind::Roster
             | Kind::Secret
+            | Kind::Points
     )
 }
 
@@ -251,7 +252,9 @@ mod tests {
                     }
                     Write::Remove(row) => drop(self.held.remove(row)),
                     Write::RemoveSession(key) => self.held.retain(|row, _| row.session != *key),
-                    Write::RemoveEntries { .. } => unreachable!("none is written here"),
+                    Write::RemoveEntries { .. } | Write::RemoveOthers { .. } => {
+                        unreachable!("none is written here")
+                    }
                 }
             }
             self.population.enter(&turn);

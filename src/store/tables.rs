@@ -85,7 +85,7 @@ pub(super) fn is_written_twice(write: &Write) -> bool {
     match write {
         Write::Put(row, _) | Write::Remove(row) => is_kept_twice(row.kind),
         Write::RemoveEntries { .. } => false,
-        Write::RemoveSession(_) => true,
+        Write::RemoveOthers { .. } | Write::RemoveSession(_) => true,
     }
 }
 
@@ -106,15 +106,24 @@ pub(super) fn carry_out(
             let (from, to) = (entry(0), entry(*before));
             rows.retain_in(&from[..]..&to[..], |_, _| false)?;
         }
-        Write::RemoveSession(session) => {
-            let mut range = [[0; NAME], [0xff; NAME]];
-            for end in &mut range {
-                end[..8].copy_from_slice(&session.to_be_bytes());
-            }
-            rows.retain_in(&range[0][..]..=&range[1][..], |_, _| false)?;
-        }
+        Write::RemoveOthers { session, kept } => remove_others(*session, kept, rows)?,
+        Write::RemoveSession(session) => remove_others(*session, &[], rows)?,
     }
     Ok(())
+}
+
+/// Removes all rows of a session but some.
+fn remove_others(
+    session: u64,
+    kept: &[Row],
+    rows: &mut Table<&[u8], &[u8]>,
+) -> Result<(), StorageError> {
+    let mut range = [[0; NAME], [0xff; NAME]];
+    for end in &mut range {
+        end[..8].copy_from_slice(&session.to_be_bytes());
+    }
+    let stays = |name: &[u8]| kept.iter().any(|row| row.name() == name);
+    rows.retain_in(&range[0][..]..=&range[1][..], |name, _| stays(name))
 }
 
 pub(super) fn failed(error: impl fmt::Display) -> StoreError {

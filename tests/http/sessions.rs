@@ -21,6 +21,7 @@ on_each_backend!(
     a_pause_takes_no_ticks,
     a_step_can_be_refused,
     an_abandoned_step_ends_early,
+    a_step_tells_how_far_it_has_come_and_ends_when_told_to,
     a_reset_leads_back_to_the_beginning,
     totals_of_the_server_are_kept,
     full_device_memory_refuses_and_nothing_more,
@@ -267,6 +268,45 @@ async fn an_abandoned_step_ends_early(backend: BackendChoice) {
         tokio::task::yield_now().await;
     };
     assert!(stepped["tick"].as_u64().unwrap() < 1_000_000, "the tick it had reached is kept");
+    server.stop().await;
+}
+
+async fn a_step_tells_how_far_it_has_come_and_ends_when_told_to(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let path = server.create(slow()).await;
+    let step = format!("{path}/step");
+    let paused = server.get(&path).await.expect(200);
+    assert_eq!((&paused["state"], &paused["progress"]), (&json!("paused"), &Value::Null));
+    server.delete(&step).await.problem(409);
+
+    let begun = || async {
+        let stepping = async || server.get(&path).await.expect(200)["state"] == "stepping";
+        until("the step is under way", stepping).await;
+        server.get(&path).await.expect(200)
+    };
+    let watched = async {
+        let mut before = begun().await;
+        let listed = server.get("/v1/sessions").await.expect(200);
+        assert_eq!(listed["items"][0]["state"], "stepping");
+        while before["progress"]["done"].as_u64().unwrap() < 3 {
+            let now = server.get(&path).await.expect(200);
+            assert_eq!(now["progress"]["of"], 1_000_000);
+            assert_eq!(now["progress"]["done"], now["tick"], "it began at tick 0");
+            assert!(now["tick"].as_u64() >= before["tick"].as_u64());
+            before = now;
+        }
+        server.delete(&step).await.expect(204);
+        server.get(&path).await.expect(200)
+    };
+    let (stepped, ended) = tokio::join!(server.post(&step, json!({"ticks": 1_000_000})), watched);
+    let stepped = stepped.expect(200);
+    assert_eq!(stepped, ended, "who ends it, and who waits for it, see the same");
+    assert_eq!((&ended["state"], &ended["progress"]), (&json!("paused"), &Value::Null));
+    assert!((3..1_000_000).contains(&ended["tick"].as_u64().unwrap()), "{}", ended["tick"]);
+    server.delete(&step).await.problem(409);
+
+    let further = ended["tick"].as_u64().unwrap() + 7;
+    assert_eq!(server.step(&path, 7).await["tick"], further);
     server.stop().await;
 }
 

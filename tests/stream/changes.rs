@@ -6,13 +6,14 @@ use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::Message;
 
 use crate::client::Client;
-use crate::support::{Server, numbers, small};
+use crate::support::{Server, numbers, slow, small};
 use crate::{on_each_backend, rounded, settling};
 
 on_each_backend!(
     changes_are_acknowledged_in_order,
     many_objects_move_over_one_socket,
     colliders_and_heights_are_told_together,
+    a_long_step_is_told_and_a_short_one_is_not,
 );
 
 async fn changes_are_acknowledged_in_order(backend: BackendChoice) {
@@ -149,5 +150,38 @@ async fn colliders_and_heights_are_told_together(backend: BackendChoice) {
     assert!(told["sink_depth"].as_f64().unwrap() > 0.05, "{told}");
     server.delete(&format!("{session}/colliders/near")).await.expect(204);
     client.until(1, |view| view.colliders == json!([])).await;
+    server.stop().await;
+}
+
+async fn a_long_step_is_told_and_a_short_one_is_not(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = server.create(slow()).await;
+    let mut client = Client::open(&server, &session).await;
+    server.step(&session, 1).await;
+    let step = format!("{session}/step");
+    let watched = async {
+        let mut done = 0;
+        for _ in 0..2 {
+            let event = client.event("step_progress").await;
+            assert_eq!(event["progress"]["of"], 1_000_000);
+            // It began at tick 1.
+            assert_eq!(
+                event["progress"]["done"].as_u64().map(|done| done + 1),
+                event["tick"].as_u64()
+            );
+            assert!(event["tick"].as_u64() > Some(done), "{event}");
+            done = event["tick"].as_u64().unwrap();
+        }
+        server.delete(&step).await.expect(204);
+        loop {
+            let event = client.event("step_progress").await;
+            if event["progress"] == Value::Null {
+                break event;
+            }
+        }
+    };
+    let (stepped, ended) = tokio::join!(server.post(&step, json!({"ticks": 1_000_000})), watched);
+    let stepped = stepped.expect(200);
+    assert_eq!((&ended["tick"], &ended["seq"]), (&stepped["tick"], &stepped["seq"]));
     server.stop().await;
 }

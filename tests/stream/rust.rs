@@ -5,17 +5,18 @@ use firn_client::{Client, Error, HeightField, Heights, Message, Session, Stream}
 use firn_protocol::stream::{Command, SubProtocol};
 use firn_protocol::{
     Clearing, ColumnRegion, DepthWatch, Event, EventKind, Events, Region, SessionSpec,
-    SettingsPatch, SnowLayer, Snowfall, StepSpec, Subscribe, Update,
+    SettingsPatch, SnowLayer, Snowfall, State, StepSpec, Subscribe, Update,
 };
 use firn_snow::Grid;
 use tokio::time::timeout;
 
 use crate::on_each_backend;
 use crate::support::wait::PATIENCE;
-use crate::support::{Server, numbers};
+use crate::support::{Server, numbers, slow};
 
 on_each_backend!(
     a_field_is_what_rest_reads,
+    a_step_is_told_and_ended,
     it_resumes_where_it_was,
     events_and_watches_are_asked_for,
     what_is_refused_says_why,
@@ -78,6 +79,41 @@ async fn a_field_is_what_rest_reads(backend: BackendChoice) {
         stream.close().await;
     }
     assert_eq!(session.mass().await.unwrap().imbalance_quanta, 0);
+    server.stop().await;
+}
+
+async fn a_step_is_told_and_ended(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let path = server.create(slow()).await;
+    let client = Client::new(&server.url).unwrap();
+    let session = client.session(path.trim_start_matches("/v1/sessions/")).unwrap();
+    let mut stream = session.stream(SubProtocol::Json).await.unwrap();
+    let step = StepSpec { ticks: Some(1_000_000), ..StepSpec::default() };
+    let watched = async {
+        loop {
+            if let Message::Event(Event::StepProgress { progress: Some(progress), .. }) =
+                stream.next().await.unwrap()
+            {
+                break progress;
+            }
+        }
+    };
+    let ended = async {
+        let progress = watched.await;
+        assert_eq!(progress.of, 1_000_000);
+        let view = session.view().await.unwrap();
+        assert_eq!(view.state, State::Stepping);
+        assert!(
+            view.progress.unwrap().done >= progress.done,
+            "{:?} before {progress:?}",
+            view.progress
+        );
+        session.end_step().await.unwrap();
+    };
+    let (stepped, ()) = tokio::join!(session.step(&step), ended);
+    let stepped = stepped.unwrap();
+    assert!(stepped.tick < 1_000_000 && stepped.progress.is_none(), "{}", stepped.tick);
+    assert!(matches!(session.end_step().await, Err(Error::Refused { .. })));
     server.stop().await;
 }
 

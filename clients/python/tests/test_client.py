@@ -27,6 +27,10 @@ def test_a_sessions_life(client: Client) -> None:
 
     view = session.step(until_settled=True, max_seconds=600)
     assert view["settled"] and view["tick"] > 0 and view["air_temperature"] == -12
+    assert view["state"] == "paused" and view["progress"] is None
+    with pytest.raises(ProblemError) as idle:
+        session.end_step()
+    assert idle.value.status == 409
     sunk = session.collider("crate")
     assert sunk["sink_depth"] > 0 and sunk["resting"]
     session.batch_colliders(delete=[named["id"]])

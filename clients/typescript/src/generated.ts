@@ -658,6 +658,13 @@ export interface components {
             /** @description Each part of the request that was wrong, the first hundred of them; may be empty. */
             errors: components["schemas"]["FieldError"][];
         };
+        /** @description How far a step has come. */
+        Progress: {
+            /** @description Ticks it has taken. */
+            done: number;
+            /** @description Ticks it takes at the most. */
+            of: number;
+        };
         /** @description Answer to `GET /readyz`. */
         Readiness: {
             /** @description Whether requests are served. */
@@ -745,6 +752,7 @@ export interface components {
             terrain: components["schemas"]["Terrain"] | null;
             /** @description What it is doing. */
             state: components["schemas"]["State"];
+            progress: components["schemas"]["Progress"] | null;
             /**
              * @description Whether it takes no changes: it came back from a damaged store, and an administrator has to say
              *     that it is as it should be.
@@ -905,7 +913,21 @@ export interface components {
          * @description What a session is doing.
          * @enum {string}
          */
-        State: "running" | "paused" | "hibernating";
+        State: "running" | "paused" | "stepping" | "hibernating";
+        /**
+         * @description How far a long step has come: twice a second from half a second after it began, and once when it has
+         *     ended.
+         */
+        StepProgressEvent: {
+            /** @constant */
+            op: "event";
+            /** @constant */
+            event: "step_progress";
+            tick: components["schemas"]["Tick"];
+            seq: components["schemas"]["Seq"];
+            /** @description `null` where the step has ended. */
+            progress: null | components["schemas"]["Progress"];
+        };
         /**
          * @description How far a paused session is to be stepped; exactly one of `ticks`, `seconds` and
          *     `until_settled`.
@@ -1184,6 +1206,7 @@ export type ProbeBatch = components['schemas']['ProbeBatch'];
 export type ProbeReply = components['schemas']['ProbeReply'];
 export type ProbeView = components['schemas']['ProbeView'];
 export type Problem = components['schemas']['Problem'];
+export type Progress = components['schemas']['Progress'];
 export type Readiness = components['schemas']['Readiness'];
 export type ReadyStatus = components['schemas']['ReadyStatus'];
 export type Region = components['schemas']['Region'];
@@ -1202,6 +1225,7 @@ export type SnowfallMessage = components['schemas']['SnowfallMessage'];
 export type SnowfallReply = components['schemas']['SnowfallReply'];
 export type Stamp = components['schemas']['Stamp'];
 export type State = components['schemas']['State'];
+export type StepProgressEvent = components['schemas']['StepProgressEvent'];
 export type StepSpec = components['schemas']['StepSpec'];
 export type StoreStatus = components['schemas']['StoreStatus'];
 export type StreamQuery = components['schemas']['StreamQuery'];

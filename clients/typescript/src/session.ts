@@ -77,6 +77,11 @@ export class Session {
     return this.call("/step", { method: "POST", body: step, signal });
   }
 
+  /** Ends the step under way at the tick it has reached; 409 where there is none. */
+  async endStep(): Promise<void> {
+    await send(this.access, this.path("/step"), { method: "DELETE" });
+  }
+
   /** Back to the state it was created in. */
   reset(): Promise<SessionView> {
     return this.call("/reset", { method: "POST" });

@@ -64,6 +64,8 @@ test("a session's life over REST", async () => {
 
   const stepped = await session.step({ until_settled: true, max_seconds: 600 });
   assert.ok(stepped.settled && stepped.tick > 0 && stepped.air_temperature === -12);
+  assert.deepEqual([stepped.state, stepped.progress], ["paused", null]);
+  await assert.rejects(session.endStep(), { status: 409 });
   const { heights } = await session.heights();
   assert.equal(heights.length, 16 * 12);
   assert.ok(Math.abs((await session.height(0.1, 0.1)).height - (heights[0] as number)) < 1e-6);

@@ -72,6 +72,11 @@ impl Session {
         self.post("/step", step).await
     }
 
+    /// Ends the step under way at the tick it has reached. Where there is none the server refuses with 409.
+    pub async fn end_step(&self) -> Result<(), Error> {
+        self.client.tell(Method::DELETE, &self.path("/step"), NONE).await
+    }
+
     /// What it takes of the server.
     pub async fn usage(&self) -> Result<UsageView, Error> {
         self.get("/usage").await

@@ -7,7 +7,7 @@ use serde::de::value::SeqAccessDeserializer;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::session::{Settings, Stamp};
+use crate::session::{Progress, Settings, Stamp};
 
 /// Something that happened in a session, told to the subscriptions that want it while they last.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,7 +56,16 @@ pub enum Event {
         #[serde(flatten)]
         stamp: Stamp,
     },
-    /// The session is back in the state it was created in.
+    /// How far a long step has come: twice a second from half a second after it began, and once when it has
+    /// ended.
+    StepProgress {
+        /// When.
+        #[serde(flatten)]
+        stamp: Stamp,
+        /// How far it has come; `null` where it has ended.
+        progress: Option<Progress>,
+    },
+    /// The session was reset: to the state it was created in, to a restore point, or to a snapshot.
     Reset {
         /// When.
         #[serde(flatten)]
@@ -87,6 +96,7 @@ impl Event {
             Event::Settings { .. } => Some(EventKind::Settings),
             Event::Terrain { .. } => Some(EventKind::Terrain),
             Event::Settled { .. } => Some(EventKind::Settled),
+            Event::StepProgress { .. } => Some(EventKind::StepProgress),
             Event::Reset { .. } => Some(EventKind::Reset),
             Event::Watch { .. } => None,
         }
@@ -100,6 +110,7 @@ impl Event {
             | Event::Settings { stamp, .. }
             | Event::Terrain { stamp, .. }
             | Event::Settled { stamp }
+            | Event::StepProgress { stamp, .. }
             | Event::Reset { stamp }
             | Event::Watch { stamp, .. } => *stamp,
         }
@@ -120,18 +131,21 @@ pub enum EventKind {
     Terrain,
     /// [`Event::Settled`].
     Settled,
+    /// [`Event::StepProgress`].
+    StepProgress,
     /// [`Event::Reset`].
     Reset,
 }
 
 impl EventKind {
     /// Every kind.
-    pub const ALL: [EventKind; 6] = [
+    pub const ALL: [EventKind; 7] = [
         EventKind::Snowfall,
         EventKind::Clearing,
         EventKind::Settings,
         EventKind::Terrain,
         EventKind::Settled,
+        EventKind::StepProgress,
         EventKind::Reset,
     ];
 }

@@ -17,6 +17,7 @@
 //! # Ok::<(), serde_json::Error>(())
 //! ```
 
+mod checkpoints;
 mod colliders;
 mod creation;
 mod events;
@@ -34,6 +35,7 @@ mod weather;
 
 pub use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Position, Preset, Shape};
 
+pub use checkpoints::{CheckpointList, CheckpointView, ResetSpec};
 pub use colliders::{ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView};
 pub use creation::{MaterialSpec, SessionBody, SessionSpec, SnowLayer, Terrain};
 pub use events::{Event, EventKind, Events};
@@ -41,7 +43,7 @@ pub use probes::{Load, Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use problem::{FieldError, Problem};
 pub use samples::{SampleBatch, SampleField, SampleFields, SampleReply};
 pub use session::{
-    CreatedSession, SessionView, Settings, SettingsPatch, Stamp, State, StepSpec, Summary,
+    CreatedSession, Progress, SessionView, Settings, SettingsPatch, Stamp, State, StepSpec, Summary,
 };
 pub use snow::{ColumnView, LayerView, MassView, Reference, WeakLayerView};
 pub use store::{CompactReply, VerifyReply};

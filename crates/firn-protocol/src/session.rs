@@ -71,8 +71,20 @@ pub enum State {
     Running,
     /// Time stands still until it is stepped or set running.
     Paused,
+    /// It is paused, and a step is under way.
+    Stepping,
     /// Its memory is freed; the next request wakes it.
     Hibernating,
+}
+
+/// How far a step has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Progress {
+    /// Ticks it has taken.
+    pub done: u64,
+    /// Ticks it takes at the most.
+    pub of: u64,
 }
 
 /// A session: its configuration, clock and summary.
@@ -94,6 +106,8 @@ pub struct SessionView {
     pub terrain: bool,
     /// What it is doing.
     pub state: State,
+    /// How far the step under way has come; `null` where there is none.
+    pub progress: Option<Progress>,
     /// Whether it takes no changes: it came back from a damaged store, and an administrator has to say
     /// that it is as it should be.
     pub locked: bool,

@@ -112,11 +112,25 @@ pub fn send(
             created.map(|(_, tokens)| token(&tokens))
         });
     }
+    let snapshot = match operation {
+        Operation::Restore(number) => model.snapshot(number),
+        _ => None,
+    };
     Box::pin(async move {
         let session = sessions.get(&id)?;
         match operation {
             Operation::Delete => sessions.delete(&session).await?,
             Operation::Reset => drop(session.reset().await?),
+            Operation::EndStep => session.end_step().await?,
+            Operation::Restore(_) => {
+                let snapshot = snapshot.map(|bytes| bytes.to_vec()).unwrap_or_default();
+                session.reset_to_snapshot(snapshot).await?;
+            }
+            Operation::Keep(name) => drop(session.keep_checkpoint(&name.to_string()).await?),
+            Operation::Forget(name) => session.delete_checkpoint(&name.to_string()).await?,
+            Operation::GoBack(name) => {
+                session.reset_to_checkpoint(&name.to_string()).await?;
+            }
             Operation::Reissue => return Ok(token(&session.reissue_tokens().await?)),
             Operation::Step(ticks) => {
                 let ticks = Some(ticks);
@@ -161,7 +175,12 @@ fn change(operation: &Operation, spec: &SessionSpec) -> Change {
         | Operation::Delete
         | Operation::Reset
         | Operation::Reissue
-        | Operation::Step(_) => unreachable!("these are no changes"),
+        | Operation::Step(_)
+        | Operation::EndStep
+        | Operation::Restore(_)
+        | Operation::Keep(_)
+        | Operation::Forget(_)
+        | Operation::GoBack(_) => unreachable!("these are no changes"),
     }
 }
 

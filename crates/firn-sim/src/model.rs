@@ -2,7 +2,7 @@
 
 mod state;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
@@ -35,16 +35,36 @@ pub enum Operation {
     Remove(u8),
     /// So many ticks are taken, where its time stands still.
     Step(u64),
+    /// The step under way ends.
+    EndStep,
     /// It gets other tokens.
     Reissue,
     /// Back to how it was made.
     Reset,
+    /// It becomes what the snapshot of a number above 0 holds.
+    Restore(usize),
+    /// Its state is kept under a name.
+    Keep(u8),
+    /// What is kept under a name is forgotten.
+    Forget(u8),
+    /// Back to what is kept under a name.
+    GoBack(u8),
 }
 
 impl Operation {
     /// Whether something else begins with it: counts of what came before say nothing any more.
     pub fn begins(&self) -> bool {
-        matches!(self, Operation::Create(_) | Operation::Delete | Operation::Reset)
+        matches!(self, Operation::Create(_) | Operation::Delete) || self.resets()
+    }
+
+    /// Whether it becomes another state of its own.
+    fn resets(&self) -> bool {
+        matches!(self, Operation::Reset | Operation::Restore(_) | Operation::GoBack(_))
+    }
+
+    /// Whether nobody could tell which of several requests at a time came before it.
+    pub fn is_alone(&self) -> bool {
+        self.begins() || matches!(self, Operation::Keep(_) | Operation::Forget(_))
     }
 }
 
@@ -120,7 +140,7 @@ impl Model {
     pub fn keep(&mut self, snapshot: Arc<[u8]>) {
         if let Some(state) = self.found().cloned() {
             self.snapshots.push(snapshot);
-            self.beginnings.push(State { paused: true, ..state });
+            self.beginnings.push(State { paused: true, kept: BTreeMap::new(), ..state });
         }
     }
 
@@ -146,7 +166,7 @@ impl Model {
         match told {
             Ok(Heard::Applied(applied)) => {
                 // A reset begins anew, and who knows when it was.
-                if !self.asked.iter().any(|asked| asked.operation == Operation::Reset) {
+                if !self.asked.iter().any(|asked| asked.operation.resets()) {
                     self.tick = self.tick.max(applied.stamp().tick);
                 }
                 if let Applied::Clearing(reply) = applied {
@@ -156,6 +176,13 @@ impl Model {
             Ok(Heard::Token(token)) => self.asked[place].token = Some(token.clone()),
             Ok(Heard::Nothing) | Err(_) => {}
         }
+    }
+
+    /// Whether nobody knows what is kept under some name.
+    pub fn doubts_what_is_kept(&self) -> bool {
+        let kept =
+            |operation: &Operation| matches!(operation, Operation::Keep(_) | Operation::Forget(_));
+        self.asked.iter().any(|asked| asked.fate == Fate::Unknown && kept(&asked.operation))
     }
 
     /// How many requests are in doubt.
@@ -252,14 +279,28 @@ impl Model {
             // Acknowledged again, as it was before.
             Operation::Create(_) | Operation::Delete => {}
             // Counted elsewhere.
-            Operation::Clear(..) | Operation::Step(_) => {}
+            Operation::Clear(..) | Operation::Step(_) | Operation::EndStep => {}
             Operation::Snowfall(depth) => state.fallen += self.mass(metres(depth, &self.spec.grid)),
             Operation::Air(celsius) => state.air = celsius,
             Operation::Pause(paused) => state.paused = paused,
             Operation::Put(object, mass) => drop(state.objects.insert(object, mass)),
             Operation::Remove(object) => drop(state.objects.remove(&object)),
             Operation::Reissue => state.token = token.clone(),
-            Operation::Reset => state = State { token: state.token, ..begin(state.origin) },
+            Operation::Reset => {
+                let origin = begin(state.origin);
+                state = state.becomes(origin);
+            }
+            Operation::Restore(snapshot) => state = state.becomes(begin(snapshot)),
+            Operation::Keep(name) => {
+                let kept = State { kept: BTreeMap::new(), ..state.clone() };
+                state.kept.insert(name, kept);
+            }
+            Operation::Forget(name) => drop(state.kept.remove(&name)),
+            Operation::GoBack(name) => {
+                if let Some(kept) = state.kept.get(&name).cloned() {
+                    state = state.becomes(kept);
+                }
+            }
         }
         Some(state)
     }

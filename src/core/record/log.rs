@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::core::record::{
-    Anchor, Append, Done, Entry, Epochs, Exact, Identity, Part, Record, Stored,
+    Anchor, Append, Checkpoint, Done, Entry, Epochs, Exact, Identity, Part, Record, Stored,
 };
 use crate::core::session::{Command, Outlet, Simulation};
 use crate::core::snapshot::Snapshot;
@@ -29,6 +29,8 @@ pub(crate) struct Log {
     /// Tick of the first command.
     tick: u64,
     commands: Vec<Command>,
+    /// The snapshot, as bytes, of the state in which it began anew before them.
+    begins_with: Option<Vec<u8>>,
     /// Somebody waits until what the frame leaves is durable.
     awaited: bool,
     /// Results of requests that carry a key.
@@ -123,6 +125,17 @@ impl Log {
         self.commands.push(command);
     }
 
+    /// Notes that the session becomes what a snapshot holds: what was to go with the next frame is superseded.
+    pub fn begin_anew(&mut self, snapshot: Vec<u8>) {
+        self.commands.clear();
+        self.begins_with = Some(snapshot);
+    }
+
+    /// Whether the newest checkpoint that was taken is one of some base.
+    pub fn is_covered_by(&self, base: u64) -> bool {
+        self.covered == base
+    }
+
     /// Notes what came of a request that carries a key, with the change that it made.
     pub fn answered(&mut self, done: Done) {
         self.answered.push(Arc::new(done));
@@ -189,17 +202,25 @@ impl Log {
 
     /// Whether the last frame left anything to be made durable; `ran` says whether it had cycles.
     fn has_news(&mut self, ran: bool, now: Instant) -> bool {
-        if ran || !self.commands.is_empty() {
+        let changed = !self.commands.is_empty() || self.begins_with.is_some();
+        if ran || changed {
             self.outdate(now);
         }
         let waited_for = self.awaited || self.create.is_some() || self.taken.is_some();
-        waited_for || !self.commands.is_empty()
+        waited_for || changed
     }
 
     /// What the last frame left to be made durable; `seq` is that of its publication.
     fn take(&mut self, session: &Outlet, seq: u64, anchor: Anchor) -> Append {
         let mut parts = Vec::with_capacity(3);
         parts.extend(self.create.take());
+        if let Some(snapshot) = self.begins_with.take() {
+            // It takes the number of an entry: what is made of an earlier state has another base.
+            self.next += 1;
+            self.covered = self.next;
+            let (base, versions) = (self.next, session.mirror().versions().to_vec());
+            parts.push(Part::Reset(Arc::new(Checkpoint { base, seq, versions, snapshot })));
+        }
         if !self.commands.is_empty() {
             let commands = std::mem::take(&mut self.commands);
             let entry = Entry { tick: self.tick, seq, reached: anchor.tick, commands };

@@ -6,6 +6,7 @@ mod entry;
 mod fold;
 mod lock;
 mod log;
+mod points;
 #[expect(clippy::module_inception, reason = "it holds the record itself")]
 mod record;
 mod replay;
@@ -19,6 +20,7 @@ pub(crate) use entry::{Checkpoint, Entry, Head, Identity};
 pub(crate) use fold::Fold;
 pub(crate) use lock::Lock;
 pub(crate) use log::{Left, Log, Taken};
+pub(crate) use points::{RestorePoint, RestorePoints};
 pub(crate) use record::{Append, Part, Pending, Record};
 pub(crate) use replay::Replay;
 pub(crate) use stored::Stored;

@@ -4,7 +4,9 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::core::record::{Anchor, Checkpoint, Done, Entry, Epochs, Exact, Identity, Lock, Stored};
+use crate::core::record::{
+    Anchor, Checkpoint, Done, Entry, Epochs, Exact, Identity, Lock, RestorePoints, Stored,
+};
 use crate::core::session::{Answer, Receipts};
 
 /// One thing to be made durable about a session.
@@ -17,10 +19,20 @@ pub(crate) enum Part {
     Anchor(Anchor),
     Epochs(Epochs),
     Checkpoint(Arc<Checkpoint>),
+    /// It became what this holds: nothing that happened before says anything any more.
+    Reset(Arc<Checkpoint>),
     /// What came of a request that carries a key.
     Done(Arc<Done>),
     /// Locked, or no longer.
     Lock(Option<Lock>),
+    /// Which restore points there are.
+    Points(Arc<RestorePoints>),
+    /// The snapshot of the restore point of a number.
+    Point(u64, Arc<[u8]>),
+    /// Snapshots of restore points that are no more.
+    RemovePoints(Vec<u64>),
+    /// All is written anew, but for the snapshots of these restore points.
+    Anew(Arc<RestorePoints>),
     Delete,
 }
 
@@ -45,7 +57,14 @@ impl Append {
     /// Whether the world has something to do as soon as it is durable.
     pub fn is_news(&self) -> bool {
         let news = |part: &Part| {
-            matches!(part, Part::Checkpoint(_) | Part::Delete | Part::Identity(_) | Part::Lock(_))
+            matches!(
+                part,
+                Part::Checkpoint(_)
+                    | Part::Delete
+                    | Part::Identity(_)
+                    | Part::Lock(_)
+                    | Part::Points(_)
+            )
         };
         self.parts.iter().any(news)
     }
@@ -66,7 +85,8 @@ impl Pending {
     /// Whether the session has to go back where this is not made durable: somebody has waited for what it
     /// has become.
     fn shows(&self) -> bool {
-        let shows = |part: &Part| matches!(part, Part::Create(..) | Part::Entry(..));
+        let shows =
+            |part: &Part| matches!(part, Part::Create(..) | Part::Entry(..) | Part::Reset(_));
         self.awaited || self.parts.iter().any(shows)
     }
 
@@ -179,10 +199,20 @@ impl Record {
         self.pending_parts().rev().find_map(anchor).unwrap_or(self.stored.anchor)
     }
 
+    /// Its restore points, with all that is on its way.
+    pub fn points(&self) -> &Arc<RestorePoints> {
+        let points = |part| match part {
+            &Part::Points(ref points) => Some(points),
+            _ => None,
+        };
+        self.pending_parts().rev().find_map(points).unwrap_or(&self.stored.points)
+    }
+
     /// Tick that it has come to at a beat, as [`Stored::tick_at`], with all that is on its way.
     pub fn tick_at(&self, frame: u64) -> u64 {
         let reached = |part: &Part| match part {
             Part::Entry(_, entry) => Some(entry.reached),
+            Part::Reset(_) => Some(0),
             _ => None,
         };
         let stored = self.stored.entries.back().map_or(0, |entry| entry.reached);

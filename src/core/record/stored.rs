@@ -3,7 +3,9 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::core::record::{Anchor, Checkpoint, Done, Entry, Epochs, Identity, Lock, Part};
+use crate::core::record::{
+    Anchor, Checkpoint, Done, Entry, Epochs, Identity, Lock, Part, RestorePoints,
+};
 
 /// A session as it can be brought back.
 #[derive(Clone, Debug)]
@@ -24,6 +26,9 @@ pub(crate) struct Stored {
     pub done: VecDeque<Arc<Done>>,
     /// Where it came back from a damaged file.
     pub lock: Option<Lock>,
+    pub points: Arc<RestorePoints>,
+    /// Restore points that are no more, of which the snapshots may still be stored.
+    pub gone_points: Vec<u64>,
 }
 
 impl Stored {
@@ -63,6 +68,8 @@ impl Stored {
             epochs,
             done: VecDeque::new(),
             lock: None,
+            points: Arc::default(),
+            gone_points: Vec::new(),
         }
     }
 
@@ -77,7 +84,7 @@ impl Stored {
             }
             Part::Anchor(anchor) => self.anchor = *anchor,
             Part::Epochs(epochs) => self.epochs = epochs.clone(),
-            Part::Checkpoint(checkpoint) => {
+            Part::Checkpoint(checkpoint) | Part::Reset(checkpoint) => {
                 let covered = checkpoint.base.saturating_sub(self.base()) as usize;
                 let covered = self.entries.drain(..covered.min(self.entries.len()));
                 self.entry_bytes -= covered.map(|entry| entry.bytes()).sum::<usize>();
@@ -85,19 +92,29 @@ impl Stored {
             }
             Part::Done(done) => self.done.push_back(done.clone()),
             Part::Lock(lock) => self.lock = *lock,
-            Part::Create(..) | Part::Delete => {}
+            Part::Points(points) => {
+                let kept: Vec<u64> = points.numbers().collect();
+                let gone = self.points.numbers().filter(|number| !kept.contains(number));
+                self.gone_points.extend(gone);
+                self.points = points.clone();
+            }
+            Part::RemovePoints(removed) => {
+                self.gone_points.retain(|number| !removed.contains(number));
+            }
+            Part::Create(..) | Part::Point(..) | Part::Anew(_) | Part::Delete => {}
         }
     }
 
     /// Everything of it, to be written anew.
     pub fn parts(&self) -> Vec<Part> {
         let mut parts = vec![
-            Part::Delete,
+            Part::Anew(self.points.clone()),
             Part::Create(self.identity.clone(), self.origin.clone(), self.epochs.clone()),
             Part::Anchor(self.anchor),
         ];
         parts.extend(self.checkpoint.clone().map(Part::Checkpoint));
         parts.extend(self.done.iter().cloned().map(Part::Done));
+        parts.extend((!self.points.is_empty()).then(|| Part::Points(self.points.clone())));
         parts.extend(self.lock.map(|lock| Part::Lock(Some(lock))));
         let entries = (self.base()..).zip(&self.entries);
         parts.extend(entries.map(|(number, entry)| Part::Entry(number, entry.clone())));

@@ -32,7 +32,7 @@ impl Stored {
         let checkpoint = self.checkpoint.as_ref().map_or(0, |saved| saved.bytes());
         let own = size_of::<Stored>() + self.identity.bytes() + origin + checkpoint;
         let queued = self.entries.capacity() * size_of::<Arc<Entry>>() + self.entry_bytes;
-        let all = own + queued + self.done.len() * OVERHEAD;
+        let all = own + queued + self.done.len() * OVERHEAD + self.points.weight();
         self.identity.weight.0.store(all as u64, Ordering::Relaxed);
     }
 }

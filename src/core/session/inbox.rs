@@ -22,7 +22,7 @@ pub(crate) type Look = Box<dyn FnOnce(&Simulation) + Send>;
 pub(crate) enum Request {
     Change { change: Change, once: Option<Once>, reply: Answer<Receipted<Applied>> },
     Step { number: u64, step: StepSpec, reply: Answer<Receipted<()>> },
-    Reset { saved: Option<Box<Snapshot>>, reply: Answer<Receipted<()>> },
+    Reset { to: Beginning, reply: Answer<Receipted<()>> },
     Snapshot { reply: Answer<Snapshot> },
     Gather { columns: Vec<ColumnRead>, surface: Option<Arc<SampleBatch>>, reply: Answer<Gathered> },
     Sample { wanted: CellBox, reply: Answer<Sampled> },
@@ -48,6 +48,14 @@ impl Request {
     fn changes(&self) -> bool {
         matches!(self, Request::Change { .. } | Request::Step { .. } | Request::Reset { .. })
     }
+}
+
+/// What a session is reset to.
+pub(crate) enum Beginning {
+    /// The state that it was created in, and the snapshot that it was made from, where it was.
+    Origin(Option<Box<Snapshot>>),
+    /// What a snapshot holds, and the snapshot as bytes: the session comes back from those from then on.
+    Snapshot(Box<Snapshot>, Vec<u8>),
 }
 
 /// Requests that wait for one session, the oldest first.
@@ -110,7 +118,10 @@ impl Simulation {
     pub(crate) fn conflict(&self, request: &Request) -> Option<SessionError> {
         let steps = matches!(request, Request::Step { .. } | Request::Reset { .. });
         (steps && self.step.is_some()).then(|| {
-            SessionError::Conflict("the session is being stepped already; wait for that".to_owned())
+            SessionError::Conflict(
+                "the session is being stepped; wait for that, or end it with DELETE …/step"
+                    .to_owned(),
+            )
         })
     }
 
@@ -137,7 +148,7 @@ impl Simulation {
                 self.change(change, once, most_colliders, reply);
             }
             Request::Step { number, step, reply } => self.begin_step(number, &step, reply),
-            Request::Reset { saved, reply } => self.begin_reset(saved.as_deref(), reply),
+            Request::Reset { to, reply } => self.begin_reset(to, reply),
             Request::Snapshot { reply } => self.next.snapshots.push(reply),
             Request::Gather { columns, surface, reply } => {
                 self.next.gathers.push(Gather { columns, surface, reply });

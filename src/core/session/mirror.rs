@@ -5,7 +5,7 @@ use std::collections::TryReserveError;
 use std::sync::Arc;
 
 use firn_engine::reserve::try_filled;
-use firn_protocol::{ColliderView, SessionSpec, Settings, Stamp, Summary};
+use firn_protocol::{ColliderView, Progress, SessionSpec, Settings, Stamp, Summary};
 use firn_snow::{ColumnRect, Grid, Material, TILE_COLUMNS};
 
 use crate::core::session::{Clock, Ground};
@@ -36,6 +36,8 @@ pub struct Mirror {
     pub settled: bool,
     /// Tiles in which snow moves.
     pub active_tiles: u32,
+    /// How far the step under way has come, where there is one.
+    pub progress: Option<Progress>,
     /// Mass in quanta of the snow in all columns, by the ledger.
     pub mass_quanta: u128,
     /// Objects, in ascending order of their ids.
@@ -105,6 +107,7 @@ impl Mirror {
             seq: 1,
             settled: true,
             active_tiles: 0,
+            progress: None,
             mass_quanta: 0,
             colliders: Arc::new([]),
             colliders_version: 1,

@@ -41,7 +41,7 @@ pub(crate) use falling::{Falling, Snowing};
 pub use gather::{CellBox, Gathered, Ledger, MOST_SAMPLES, Sampled};
 pub use ground::Ground;
 pub use happening::Happening;
-pub(crate) use inbox::{Inbox, Request};
+pub(crate) use inbox::{Beginning, Inbox, Request};
 pub use mirror::{Mirror, TileColumns};
 pub(crate) use orders::{Counted, Flight, Gather, MOST_CHANGES, Orders, Reply, Told};
 pub(crate) use outlet::EVENT_BACKLOG;

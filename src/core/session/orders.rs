@@ -38,6 +38,8 @@ pub(crate) struct Orders {
     pub changed: bool,
     /// There is a reset among it.
     pub reset: bool,
+    /// A step has ended of which streams were told how far it had come.
+    pub step_told: bool,
 }
 
 /// Columns that somebody wants, and the points at which the surface is wanted beside them.

@@ -5,15 +5,16 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 use std::time::Duration;
 
 use firn_engine::frame::cell_bytes;
-use firn_protocol::SessionSpec;
+use firn_protocol::{Progress, SessionSpec};
+use firn_snow::Grid;
 use tokio::sync::{broadcast, watch};
 use tokio_util::sync::CancellationToken;
 use ulid::Ulid;
 
-use crate::core::record::{Epochs, Identity, Weight};
+use crate::core::record::{Epochs, Identity, RestorePoints, Weight};
 use crate::core::session::{
-    Clock, FRAME_RATE, Ground, Happening, Limits, Mirror, Publication, Receipts, SessionError,
-    TokenHashes,
+    Clock, FRAME_RATE, Ground, Happening, Invalid, Limits, Mirror, Publication, Receipts,
+    SessionError, TokenHashes,
 };
 use crate::core::snapshot::Snapshot;
 use crate::core::tenant::Tenant;
@@ -60,6 +61,8 @@ pub struct Outlet {
     pub(crate) last_used: AtomicU64,
     /// Where requests wait for it to be durable.
     pub(crate) receipts: Arc<Receipts>,
+    /// Its restore points.
+    pub(crate) points: watch::Sender<Arc<RestorePoints>>,
     /// Device time that it has taken \[ns\].
     pub(crate) device_ns: AtomicU64,
     /// Frames so far, of all sessions.
@@ -115,6 +118,7 @@ impl Outlet {
             device_ns: AtomicU64::new(0),
             last_used: AtomicU64::new(frames.load(Ordering::Relaxed)),
             receipts: Arc::default(),
+            points: watch::Sender::default(),
             frames,
             journal_weight: weight,
             spec,
@@ -136,6 +140,13 @@ impl Outlet {
         mirror.clock = clock;
         mirror.resting_since = None;
         mirror.active_tiles = 0;
+        mirror.progress = None;
+    }
+
+    /// Shows how far a step has come that has just begun.
+    pub(crate) fn show_progress(&self, progress: Progress) {
+        let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
+        mirror.progress = Some(progress);
     }
 
     /// What the journal knows it by.
@@ -165,6 +176,15 @@ impl Outlet {
         self.tokens.send_replace(tokens);
     }
 
+    /// Its restore points.
+    pub(crate) fn points(&self) -> Arc<RestorePoints> {
+        self.points.borrow().clone()
+    }
+
+    pub(crate) fn set_points(&self, points: Arc<RestorePoints>) {
+        self.points.send_replace(points);
+    }
+
     /// Whether it takes no changes.
     pub fn is_locked(&self) -> bool {
         self.locked.load(Ordering::Relaxed)
@@ -183,6 +203,24 @@ impl Outlet {
     pub(crate) fn origin_snapshot(&self) -> Option<Snapshot> {
         // It was decoded when the session was made.
         self.origin.as_ref().and_then(|bytes| Snapshot::decode(bytes, &Limits::NONE).ok())
+    }
+
+    /// Makes sure that the snow of a session with some specification can lie where that of this one does.
+    pub(crate) fn check_place(&self, other: &SessionSpec) -> Result<(), SessionError> {
+        let own = &self.spec;
+        let size = |grid: &Grid| {
+            let Grid { width, depth, height, cell_size } = grid;
+            format!("{width} × {depth} × {height} cells of {cell_size} m")
+        };
+        let detail = if other.grid != own.grid {
+            let (other, own) = (size(&other.grid), size(&own.grid));
+            format!("the snapshot's grid has {other}; this session's has {own}")
+        } else if other.terrain != own.terrain {
+            "the snapshot's snow lies on other ground than this session's".to_owned()
+        } else {
+            return Ok(());
+        };
+        Err(SessionError::Invalid(vec![Invalid::new("", detail)]))
     }
 
     /// The published state. Hold it only to copy out of it: publications wait meanwhile.

@@ -13,7 +13,7 @@ use firn_snow::{Contact, Elevation, Grid, TILE_COLUMNS};
 use crate::core::record::{Done, Taken};
 use crate::core::session::{
     Applied, Collider, Counted, Gather, Happening, Mirror, Orders, Outlet, Receipted, Reply,
-    Sampled, SessionState, Simulation, Told,
+    Sampled, SessionState, Simulation, StepJob, Told,
 };
 use crate::core::snapshot::Snapshot;
 
@@ -56,6 +56,7 @@ impl Simulation {
             let (stamp, changed) = self.publish(&orders, &outcome, tiles);
             let settled = settles.then_some(Event::Settled { stamp });
             let reset = orders.reset.then_some(Event::Reset { stamp });
+            let step_ended = orders.step_told;
             let mut told = self.answer(orders, outcome, stamp, stored);
             told.extend(reset.into_iter().chain(settled).map(Happening::from));
             self.tell(told);
@@ -63,9 +64,13 @@ impl Simulation {
             if changed {
                 self.announce(stamp);
             }
-        } else if settles {
+            self.tell_progress(step_ended, stamp, stored);
+        } else {
             let stamp = Stamp { tick: self.state.clock.tick(), seq: self.session.mirror().seq };
-            self.tell(vec![Event::Settled { stamp }.into()]);
+            if settles {
+                self.tell(vec![Event::Settled { stamp }.into()]);
+            }
+            self.tell_progress(false, stamp, stored);
         }
         self.deposit_falling();
     }
@@ -150,6 +155,7 @@ impl Simulation {
         mirror.mass_quanta = self.state.ledger.present();
         mirror.settings = self.state.settings;
         mirror.material = self.state.material;
+        mirror.progress = self.step.as_ref().map(StepJob::progress);
     }
 
     /// Takes in how objects touch the snow. On snow that has settled all of them rest: cycles that
@@ -275,7 +281,7 @@ impl Simulation {
     }
 
     /// Tells streams what has happened in the frame.
-    fn tell(&self, happened: Vec<Happening>) {
+    pub(super) fn tell(&self, happened: Vec<Happening>) {
         if !happened.is_empty() {
             // Fails where nobody listens.
             let _ = self.session.events.send(happened.into());
@@ -286,7 +292,7 @@ impl Simulation {
 impl Outlet {
     /// Makes the mirror what it was when something was saved, where no device does that.
     pub(crate) fn show_saved(&self, saved: &Snapshot) {
-        let state = saved.description.state(saved.ground.clone());
+        let state = saved.description.state(saved.ground_beside(&self.ground));
         let mut mirror = self.mirror.write().unwrap_or_else(PoisonError::into_inner);
         for (tile, cells) in (0..).zip(saved.tiles.iter()) {
             let height = |column| cells.column(column).map(|cell| cell.thickness).sum();

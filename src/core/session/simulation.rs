@@ -10,8 +10,8 @@ use firn_snow::{Elevation, Floor};
 use crate::core::object_rows::ObjectRows;
 use crate::core::record::{Log, Replay};
 use crate::core::session::{
-    Answer, CellBox, Charge, Command, Flight, Ground, Orders, Outlet, Portions, Receipted, Reply,
-    SessionError, SessionState, StepJob,
+    Answer, Beginning, CellBox, Charge, Command, Flight, Ground, Orders, Outlet, Portions,
+    Receipted, Reply, SessionError, SessionState, StepJob,
 };
 use crate::core::snapshot::Snapshot;
 
@@ -132,10 +132,18 @@ impl Simulation {
         self.portions.disturb(self.session.spec.grid.tiles().into());
     }
 
-    /// Back to the state it was created in. Seqs go on.
-    pub(crate) fn reset(&mut self, saved: Option<&Snapshot>, answer: Answer<Receipted<()>>) {
-        self.log.record(self.state.clock.tick(), Command::Reset);
-        self.begin_anew(saved);
+    /// Back to the state it was created in, or to what a snapshot holds. Seqs go on.
+    pub(crate) fn reset(&mut self, to: Beginning, answer: Answer<Receipted<()>>) {
+        match to {
+            Beginning::Origin(saved) => {
+                self.log.record(self.state.clock.tick(), Command::Reset);
+                self.begin_anew(saved.as_deref());
+            }
+            Beginning::Snapshot(snapshot, bytes) => {
+                self.log.begin_anew(bytes);
+                self.begin_anew(Some(&snapshot));
+            }
+        }
         self.next.replies.push(Reply::Done(answer));
     }
 

@@ -1,12 +1,19 @@
 //! Stepping a paused session as fast as the machine can, a slice in each frame.
 
-use firn_protocol::StepSpec;
+use std::time::Duration;
 
-use crate::core::session::{Answer, Check, Clock, Receipted, Reply, SessionError, Simulation};
+use firn_protocol::{Event, Progress, Stamp, StepSpec};
+
+use crate::core::session::{
+    Answer, Beginning, Check, Clock, Receipted, Reply, SessionError, Simulation,
+};
 use crate::core::snapshot::Snapshot;
 
 /// Most ticks of one step.
 const MOST_TICKS: u64 = 1_000_000;
+
+/// Time between two events that tell how far a step has come.
+const TELL_EVERY: Duration = Duration::from_millis(500);
 
 /// A step under way.
 #[derive(Debug)]
@@ -15,6 +22,12 @@ pub(crate) struct StepJob {
     pub number: u64,
     pub goal: Goal,
     pub answer: Answer<Receipted<()>>,
+    /// Ticks it takes at the most.
+    of: u64,
+    /// When streams were last told how far it has come, or it began.
+    told_at: Option<Duration>,
+    /// Whether they were.
+    told: bool,
 }
 
 /// When a step ends.
@@ -27,6 +40,13 @@ pub(crate) enum Goal {
 }
 
 impl Goal {
+    /// Ticks until it is reached, at the most.
+    fn ticks(&self) -> u64 {
+        match *self {
+            Goal::Ticks(ticks) | Goal::Settled(ticks) => ticks,
+        }
+    }
+
     /// What a client asks for.
     pub fn new(step: &StepSpec, clock: &Clock) -> Result<Goal, SessionError> {
         let mut check = Check::default();
@@ -61,11 +81,29 @@ impl Goal {
 }
 
 impl StepJob {
+    /// A step that begins.
+    pub fn new(number: u64, goal: Goal, answer: Answer<Receipted<()>>) -> StepJob {
+        StepJob { number, goal, answer, of: goal.ticks(), told_at: None, told: false }
+    }
+
     /// Ticks it may still take.
     pub fn remaining(&self) -> u64 {
-        match self.goal {
-            Goal::Ticks(ticks) | Goal::Settled(ticks) => ticks,
+        self.goal.ticks()
+    }
+
+    /// How far it has come.
+    pub fn progress(&self) -> Progress {
+        Progress { done: self.of - self.remaining(), of: self.of }
+    }
+
+    /// Whether streams are to be told at some time how far it has come.
+    fn is_to_tell(&mut self, now: Duration) -> bool {
+        let due = now.saturating_sub(*self.told_at.get_or_insert(now)) >= TELL_EVERY;
+        if due {
+            self.told_at = Some(now);
+            self.told = true;
         }
+        due
     }
 
     /// Notes that ticks were taken.
@@ -101,27 +139,54 @@ impl Simulation {
             Ok(Goal::Settled(_)) if self.is_settled() => {
                 self.next.replies.push(Reply::Done(answer))
             }
-            Ok(goal) => self.step = Some(StepJob { number, goal, answer }),
+            Ok(goal) => {
+                let job = StepJob::new(number, goal, answer);
+                self.session.show_progress(job.progress());
+                self.step = Some(job);
+            }
         }
     }
 
-    /// Ends a step that nobody waits for.
-    pub(crate) fn forget_step(&mut self, number: u64) {
-        if self.step.as_ref().is_some_and(|job| job.number == number) {
-            self.end_step();
+    /// Whether a step is under way: the one of a number, where that is given.
+    pub(crate) fn is_stepping(&self, number: Option<u64>) -> bool {
+        let is_it = |job: &StepJob| number.is_none_or(|number| number == job.number);
+        self.step.as_ref().is_some_and(is_it)
+    }
+
+    /// Ends the step under way at the tick it has reached; its answer goes out with the next frame.
+    pub(crate) fn end_step(&mut self) {
+        if let Some(job) = self.step.take() {
+            self.next.step_told |= job.told;
+            self.next.replies.push(Reply::Done(job.answer));
+        }
+    }
+
+    /// Tells streams from time to time how far the step under way has come, and that it has ended.
+    pub(crate) fn tell_progress(&mut self, has_ended: bool, stamp: Stamp, now: Duration) {
+        if has_ended {
+            self.tell(vec![Event::StepProgress { stamp, progress: None }.into()]);
+        }
+        if let Some(job) = &mut self.step
+            && job.is_to_tell(now)
+        {
+            let progress = Some(job.progress());
+            self.tell(vec![Event::StepProgress { stamp, progress }.into()]);
         }
     }
 
     /// Begins a reset, or refuses it.
-    pub(crate) fn begin_reset(&mut self, saved: Option<&Snapshot>, answer: Answer<Receipted<()>>) {
+    pub(crate) fn begin_reset(&mut self, to: Beginning, answer: Answer<Receipted<()>>) {
         if self.step.is_some() {
             answer.give(Err(SessionError::Conflict(
-                "the session is being stepped; wait for that".into(),
+                "the session is being stepped; wait for that, or end it with DELETE …/step".into(),
             )));
         } else {
-            let rows = saved.map_or(0, Snapshot::object_rows);
-            match self.object_rows.try_take(rows) {
-                Ok(()) => self.reset(saved, answer),
+            let saved = match &to {
+                Beginning::Origin(saved) => saved.as_deref(),
+                Beginning::Snapshot(snapshot, _) => Some(&**snapshot),
+            };
+            match self.object_rows.try_take(saved.map_or(0, Snapshot::object_rows)) {
+                Ok(()) => self.reset(to, answer),
                 Err(why) => answer.refuse(&why),
             }
         }

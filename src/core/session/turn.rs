@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use firn_engine::frame::{Run, Work};
 
-use crate::core::session::{Advance, Flight, Goal, MOST_SAMPLES, Orders, Reply, Simulation};
+use crate::core::session::{Advance, Flight, Goal, MOST_SAMPLES, Orders, Simulation};
 
 /// Cycles that are taken at once where they change nothing, and none of them is carried out.
 const CYCLES_AT_REST: u32 = 1 << 24;
@@ -236,13 +236,6 @@ impl Simulation {
             if job.is_over(settled, paused) {
                 self.end_step();
             }
-        }
-    }
-
-    /// Ends a step; its answer goes out with the next frame.
-    pub(crate) fn end_step(&mut self) {
-        if let Some(job) = self.step.take() {
-            self.next.replies.push(Reply::Done(job.answer));
         }
     }
 }

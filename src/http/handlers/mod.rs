@@ -2,6 +2,7 @@
 
 pub mod air_temperature;
 pub mod cells;
+pub mod checkpoints;
 pub mod clearings;
 pub mod colliders;
 pub mod columns;

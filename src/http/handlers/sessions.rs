@@ -6,7 +6,7 @@ use axum::extract::{FromRequest, Request, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use firn_protocol::{
-    CreatedSession, SessionBody, SessionSpec, SessionView, SettingsPatch, StepSpec,
+    CreatedSession, ResetSpec, SessionBody, SessionSpec, SessionView, SettingsPatch, StepSpec,
 };
 use utoipa::IntoParams;
 
@@ -204,8 +204,9 @@ pub async fn delete(
 /// Step a paused session
 ///
 /// By a number of ticks, a simulated time, or until the snow has settled; as fast as the machine
-/// can. Not subject to the time limit of requests. Where the client goes away the step ends early,
-/// at the tick it has reached.
+/// can. Not subject to the time limit of requests. Meanwhile the session is `stepping`, and `progress` tells
+/// how far it has come. Where somebody ends the step, or the client goes away, it ends early, at the tick it has
+/// reached: the answer's `tick` and `settled` tell what was done.
 #[utoipa::path(
     post,
     path = "/v1/sessions/{id}/step",
@@ -234,23 +235,65 @@ pub async fn step(
     }
 }
 
+/// End a step
+///
+/// The step under way ends at the tick it has reached, and its call answers with the session as it is then.
+/// Ticks that are taken at once come to their end before this returns.
+#[utoipa::path(
+    delete,
+    path = "/v1/sessions/{id}/step",
+    operation_id = "end_step",
+    tag = "sessions",
+    params(SessionPath),
+    responses(
+        (status = 204, description = "It has ended"),
+        (status = 409, description = "No step of the session is under way", body = Problem,
+            content_type = "application/problem+json"),
+        SessionProblems
+    )
+)]
+pub async fn end_step(Target(session): Target) -> Result<StatusCode, Problem> {
+    session.end_step().await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
 /// Reset a session
 ///
-/// Back to the state it was created in: snow, settings, clock and ledger, without colliders. Seqs
-/// go on.
+/// Back to the state it was created in: snow, settings, clock and ledger, without colliders. Where the body
+/// names a restore point, back to that; where it is a snapshot of the same grid and ground, the session becomes
+/// what that holds. Its name, its tokens and what it was created with stay, and seqs go on.
 #[utoipa::path(
     post,
     path = "/v1/sessions/{id}/reset",
     operation_id = "reset_session",
     tag = "sessions",
     params(SessionPath),
+    request_body(content(
+        (ResetSpec = "application/json"),
+        (SnapshotBytes = "application/vnd.firn.snapshot")
+    )),
     responses(
-        (status = 200, description = "The session as it was created", body = SessionView),
-        (status = 409, description = "The session is being stepped", body = Problem,
+        (status = 200, description = "The session as it is now", body = SessionView),
+        (status = 409, description = "The session is being stepped, or reset", body = Problem,
             content_type = "application/problem+json"),
-        SessionProblems
+        SessionProblems,
+        BodyProblems
     )
 )]
-pub async fn reset(Target(session): Target) -> Result<Answer<SessionView>, Problem> {
-    Ok(Answer(session.reset().await?))
+pub async fn reset(
+    State(app): State<App>,
+    Target(session): Target,
+    request: Request,
+) -> Result<Answer<SessionView>, Problem> {
+    let view = if media_type(request.headers()) == SNAPSHOT_MEDIA_TYPE {
+        let snapshot = read_body(request, &app).await?.to_vec();
+        session.reset_to_snapshot(snapshot).await?
+    } else {
+        let OptionalJson(to) = OptionalJson::<ResetSpec>::from_request(request, &app).await?;
+        match to.checkpoint {
+            Some(name) => session.reset_to_checkpoint(&name).await?,
+            None => session.reset().await?,
+        }
+    };
+    Ok(Answer(view))
 }

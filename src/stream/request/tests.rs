@@ -199,7 +199,8 @@ fn events_are_true_false_or_known_kinds() {
     };
     let (pointer, told) = detail(r#"{"op":"subscribe","id":1,"events":["settled","thaw"]}"#);
     assert_eq!(pointer, "/events/1");
-    let kinds = "`snowfall`, `clearing`, `settings`, `terrain`, `settled`, `reset`";
+    let kinds =
+        "`snowfall`, `clearing`, `settings`, `terrain`, `settled`, `step_progress`, `reset`";
     assert_eq!(told, format!("unknown variant `thaw`; known are {kinds}"));
     let (pointer, told) = detail(r#"{"op":"update","id":1,"events":"settled"}"#);
     assert_eq!(pointer, "/events");

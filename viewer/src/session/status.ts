@@ -60,8 +60,8 @@ function words(state: StreamState): string {
 /** Clock and totals. */
 export function facts(model: Model): HTMLElement {
   const element = h("p", { class: "facts" });
-  model.view.watch(({ sim_time, settled, paused, summary }) => {
-    const state = paused ? "paused" : settled ? "settled" : "running";
+  model.view.watch(({ sim_time, settled, paused, progress, summary }) => {
+    const state = progress ? "stepping" : paused ? "paused" : settled ? "settled" : "running";
     const depth = `${decimal(summary.mean_height, 2)} m`;
     element.textContent = [duration(sim_time), state, depth, mass(summary.total_mass)].join(" · ");
     element.dataset["height"] = String(summary.mean_height);

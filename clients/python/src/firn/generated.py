@@ -708,6 +708,16 @@ class Problem(TypedDict):
     """Each part of the request that was wrong, the first hundred of them; may be empty."""
 
 
+class Progress(TypedDict):
+    """How far a step has come."""
+
+    done: int
+    """Ticks it has taken."""
+
+    of: int
+    """Ticks it takes at the most."""
+
+
 class Readiness(TypedDict):
     """Answer to `GET /readyz`."""
 
@@ -879,6 +889,7 @@ class SessionView(Settings):
     state: State
     """What it is doing."""
 
+    progress: Progress | None
     locked: bool
     """
     Whether it takes no changes: it came back from a damaged store, and an administrator has to say
@@ -1186,7 +1197,24 @@ class SnowfallReply(Stamp):
     """Mass that found no room [kg]."""
 
 
-State: TypeAlias = Literal["running", "paused", "hibernating"]
+State: TypeAlias = Literal["running", "paused", "stepping", "hibernating"]
+
+
+class StepProgressEvent(TypedDict):
+    """
+    How far a long step has come: twice a second from half a second after it began, and once when it has
+    ended.
+    """
+
+    op: Literal["event"]
+    event: Literal["step_progress"]
+    tick: Tick
+    seq: Seq
+    progress: Progress | None
+    """`null` where the step has ended."""
+
+
+EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | StepProgressEvent | PlainEvent
 
 
 class StepSpec(TypedDict):

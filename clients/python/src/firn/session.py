@@ -92,6 +92,10 @@ class Session:
         """Steps it while it is paused, as fast as the server can."""
         return cast(SessionView, self._call("POST", "/step", json=step, timeout=None))
 
+    def end_step(self) -> None:
+        """Ends the step under way at the tick it has reached; 409 where there is none."""
+        self._call("DELETE", "/step")
+
     def reset(self) -> SessionView:
         """Back to the state it was created in."""
         return cast(SessionView, self._call("POST", "/reset"))

@@ -1,6 +1,6 @@
 //! States of a session, as clients know them and as they find them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 
 use firn_protocol::SessionSpec;
@@ -20,6 +20,8 @@ pub struct State {
     pub token: Option<String>,
     /// Which of its beginnings a reset brings it back to.
     pub origin: usize,
+    /// States that are kept under names.
+    pub kept: BTreeMap<u8, State>,
 }
 
 /// A session, as somebody finds it.
@@ -39,6 +41,8 @@ pub struct Found {
     pub token: String,
     /// The tick that it has come to.
     pub tick: u64,
+    /// Names under which states of it are kept.
+    pub kept: BTreeSet<u8>,
 }
 
 impl State {
@@ -51,15 +55,22 @@ impl State {
             objects: BTreeMap::new(),
             token: None,
             origin: 0,
+            kept: BTreeMap::new(),
         }
+    }
+
+    /// The same session, in another state.
+    pub fn becomes(self, other: State) -> State {
+        State { token: self.token, origin: self.origin, kept: self.kept, ..other }
     }
 
     /// Whether it can be what was found, with a token that is `fresh` or was known before.
     pub fn is(&self, found: &Found, fresh: bool) -> bool {
-        let Found { fallen, air, paused, objects, token, .. } = found;
+        let Found { fallen, air, paused, objects, token, kept, .. } = found;
         fallen.contains(&self.fallen)
             && (self.air, self.paused) == (*air, *paused)
             && self.objects == *objects
+            && self.kept.keys().eq(kept)
             && self.token.as_ref().map_or(fresh, |own| own == token)
     }
 }

@@ -90,9 +90,17 @@ impl Simulation {
             58..62 => Operation::Reissue,
             62..70 => Operation::Air(-self.dice.random_range(1..30)),
             70..78 => Operation::Pause(self.dice.random_bool(0.3)),
-            78..82 => Operation::Step(self.dice.random_range(1..200)),
+            // Few of them end before it is told how far they have come.
+            78..80 => Operation::Step(self.dice.random_range(1..200)),
+            80..82 => Operation::Step(self.dice.random_range(200..20_000)),
             82..90 => Operation::Put(object, self.dice.random_range(1..100)),
-            90..97 => Operation::Remove(object),
+            90..92 => Operation::Remove(object),
+            92..94 => Operation::EndStep,
+            94..96 => Operation::Keep(object),
+            96 => Operation::Forget(object),
+            97 => Operation::Reset,
+            98 => Operation::GoBack(object),
+            _ if beginning > 0 => Operation::Restore(beginning),
             _ => Operation::Reset,
         };
         // What is sent again and comes late must make no difference to what came meanwhile.
@@ -103,7 +111,11 @@ impl Simulation {
         });
         // Nobody could tell what of them came before a reset, and what after it.
         let mut others = self.waiting.iter().filter(|request| request.session == name);
-        if others.any(|request| operation.begins() || request.operation.begins()) {
+        if others.any(|request| operation.is_alone() || request.operation.is_alone()) {
+            return;
+        }
+        // Nobody waits any more for what may still be kept.
+        if operation.is_alone() && self.models[name].doubts_what_is_kept() {
             return;
         }
         self.report.requests.0 += 1;

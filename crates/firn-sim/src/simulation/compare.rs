@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use firn::session::{Change, SessionError, Sessions};
+use firn::session::{Change, Session, SessionError, Sessions};
 use firn_protocol::{SettingsPatch, StepSpec};
 use rand::Rng;
 
@@ -137,13 +137,15 @@ impl Simulation {
             session.change(Change::Settings(SettingsPatch::default())).await?;
             let mass = session.mass().await?;
             let token = session.tokens().token.to_hex().to_string();
-            Ok((session.view(), mass, session.mirror().colliders.clone(), token))
+            let kept = session.checkpoints().into_iter();
+            let kept = kept.map(|point| point.name.parse().unwrap_or(u8::MAX)).collect();
+            Ok((session.view(), mass, session.mirror().colliders.clone(), token, kept))
         };
         let found = match self
             .wait("masses", look)
             .map_err(|why| format!("session '{name}': {why}"))?
         {
-            Ok((view, mass, objects, token)) => {
+            Ok((view, mass, objects, token, kept)) => {
                 if mass.imbalance_quanta != 0 {
                     return Err(format!("session '{name}' is out of balance: {mass:?}"));
                 }
@@ -158,6 +160,7 @@ impl Simulation {
                         .collect(),
                     token,
                     tick: view.tick,
+                    kept,
                 })
             }
             Err(SessionError::NotFound { .. }) => None,
@@ -186,11 +189,12 @@ impl Simulation {
             let digest = self.wait("a snapshot", async |sessions: Sessions| {
                 let session = sessions.get(name)?;
                 let snapshot = session.snapshot().await?;
-                Ok((session.view().tick, snapshot.digest()?, snapshot.encode()?))
+                let kept = kept(&session).await?;
+                Ok((session.view().tick, snapshot.digest()?, kept, snapshot.encode()?))
             })?;
-            let (tick, digest, snapshot) =
+            let (tick, digest, kept, snapshot) =
                 digest.map_err(|why| format!("session '{name}': {why}"))?;
-            digests.insert(name, (tick, digest));
+            digests.insert(name, (tick, digest, kept));
             if self.dice.random_bool(0.1)
                 && let Some(model) = self.models.get_mut(name)
             {
@@ -205,7 +209,7 @@ impl Simulation {
         let aside = self.machine.swap(VecDeque::new());
         self.disk = copy;
         self.start()?;
-        for (name, (tick, digest)) in &digests {
+        for (name, (tick, digest, kept_here)) in &digests {
             let theirs = self.wait("a twin", async |sessions: Sessions| {
                 let session = loop {
                     match sessions.get(name) {
@@ -218,14 +222,18 @@ impl Simulation {
                     session.step(StepSpec { ticks: Some(behind), ..StepSpec::default() }).await?;
                 }
                 let digest = session.snapshot().await?.digest()?;
-                Ok((session.view().tick, digest))
+                Ok((session.view().tick, digest, kept(&session).await?))
             })?;
             let theirs = theirs.map_err(|why| format!("session '{name}' of a twin: {why}"))?;
-            if theirs != (*tick, digest.clone()) {
+            if (theirs.0, &theirs.1) != (*tick, digest) {
                 return Err(format!(
-                    "session '{name}' has come to {:?}, and another server to {theirs:?}",
-                    (tick, digest)
+                    "session '{name}' has come to {:?}, and another server to {:?}",
+                    (tick, digest),
+                    (theirs.0, theirs.1)
                 ));
+            }
+            if theirs.2 != *kept_here {
+                return Err(format!("another server keeps other states of session '{name}'"));
             }
         }
         drop(self.life.take());
@@ -236,4 +244,14 @@ impl Simulation {
         self.machine.swap(aside);
         Ok(())
     }
+}
+
+/// The names under which states of a session are kept, and their snapshots.
+async fn kept(session: &Session) -> Result<Vec<(String, Vec<u8>)>, SessionError> {
+    let mut kept = Vec::new();
+    for point in session.checkpoints() {
+        let snapshot = session.checkpoint_snapshot(&point.name).await?;
+        kept.push((point.name, snapshot));
+    }
+    Ok(kept)
 }

@@ -23,6 +23,9 @@ export function timeSection(desk: Desk): HTMLElement {
   };
   const stepButton = action("Step", {}, () => step({ ticks: ticks.valueAsNumber }), report);
   const settleButton = action("Settle", {}, () => step({ until_settled: true, max_seconds: 3600 }), report);
+  const bar = h("progress", { "aria-label": "Progress of the step" });
+  const endButton = action("End the step", {}, () => session.endStep().then(refresh), report);
+  const underWay = h("div", { class: "buttons" }, bar, endButton);
   const resetButton = action("Reset", {}, () => session.reset().then(refresh), report);
 
   const [scaleField, scale] = numberField("Time scale", "×", { min: 0, max: 1000 });
@@ -32,8 +35,10 @@ export function timeSection(desk: Desk): HTMLElement {
     start.hidden = !view.paused;
     stop.hidden = view.paused;
     // A step is for sessions that stand still.
-    stepButton.disabled = !view.paused;
-    settleButton.disabled = !view.paused;
+    for (const button of [stepButton, settleButton]) button.disabled = view.state !== "paused";
+    underWay.hidden = !view.progress;
+    bar.max = view.progress?.of ?? 1;
+    bar.value = view.progress?.done ?? 0;
     showScale(view.time_scale);
   });
   return section(
@@ -42,5 +47,6 @@ export function timeSection(desk: Desk): HTMLElement {
     scaleField,
     ticksField,
     h("div", { class: "buttons" }, stepButton, settleButton),
+    underWay,
   );
 }
