@@ -69,6 +69,9 @@ async fn heard(server: &Server, moves: u32, wish: &Value) -> (usize, usize) {
     let snowfall = json!({"depth": 0.5, "region": area(0)});
     let fell = server.post(&format!("{session}/snowfalls"), snowfall).await.expect(200);
     while viewer.heights_of(1).await < fell["seq"].as_u64().unwrap() {}
+    // Events come after the heights of their turn.
+    viewer.send(json!({"op": "ping", "id": 2})).await;
+    assert_eq!(viewer.answer().await["op"], "pong");
     (viewer.heard.0 - before.0, viewer.heard.1 - before.1 - varint(viewer.view(1).seq))
 }
 
@@ -76,7 +79,7 @@ async fn a_binary_viewer_pays_nothing_for_what_happens_elsewhere(backend: Backen
     let server = Server::start(backend).await;
     for wish in [json!({}), json!({"events": ["clearing"]})] {
         let quiet = heard(&server, 0, &wish).await;
-        assert_eq!(quiet.0, 1, "the snowfall's heights");
+        assert_eq!(quiet.0, 2, "the snowfall's heights, and a pong");
         assert_eq!(heard(&server, 20, &wish).await, quiet, "{wish}");
     }
     server.stop().await;
