@@ -306,17 +306,17 @@ impl Model {
     }
 
     /// What clients may have let fall of a mass that has fallen up to a tick, in quanta. What falls by itself is
-    /// deposited when a 256th part of a cell has fallen, on the average column no later.
+    /// deposited when a 256th part of a cell has fallen, on the average column no later than that and two ticks.
     pub fn let_fall(&self, fallen: u128, tick: u64) -> RangeInclusive<u128> {
         let SessionSpec { snowfall_rate, tick_rate, time_scale, grid, .. } = &self.spec;
         if *snowfall_rate == 0.0 {
             return fallen..=fallen;
         }
-        let hours = tick as f64 * time_scale / tick_rate / 3600.0;
+        let hours = |ticks: u64| ticks as f64 * time_scale / tick_rate / 3600.0;
         // Less than a quantum of each column stays in the air, and sums are rounded.
         let rounding = u128::from(grid.columns()) * 2;
-        let by_itself = self.mass(snowfall_rate * hours);
-        let late = self.mass(metres(1, grid)) + rounding;
+        let by_itself = self.mass(snowfall_rate * hours(tick));
+        let late = self.mass(metres(1, grid) + snowfall_rate * hours(2)) + rounding;
         fallen.saturating_sub(by_itself + rounding)..=fallen.saturating_sub(by_itself) + late
     }
 

@@ -211,7 +211,7 @@ impl Simulation {
 fn spec(name: &str, dice: &mut SmallRng) -> SessionSpec {
     let side = [8, 9, 16][dice.random_range(0..3)];
     let mut grid = Grid { width: side, depth: 8, height: 6, cell_size: 0.2 };
-    let snowfall_rate = [0.0, 0.0, 2.0, 40.0][dice.random_range(0..4)];
+    let snowfall_rate = [0.0, 0.0, 2.0, 10.0][dice.random_range(0..4)];
     if snowfall_rate > 0.0 && dice.random_bool(0.5) {
         // Large enough to have its snow in two bands.
         grid.depth = 8192 / grid.width + 64;

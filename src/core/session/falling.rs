@@ -168,7 +168,9 @@ impl Falling {
             *self = air;
         }
         if let Some(spreading) = &mut self.spreading {
-            let mut end = spreading.bands.max(1);
+            // Where each tick brings as much, each has as much to do.
+            let at_once = snowing.depth >= LEAST;
+            let mut end = if at_once { bands.count } else { spreading.bands.max(1) };
             while end < bands.count && air.depth >= bands.due(end) {
                 end += 1;
             }
