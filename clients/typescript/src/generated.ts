@@ -20,6 +20,8 @@ export interface components {
             cleared_mass?: number;
             celsius?: number;
             collider?: components["schemas"]["ColliderView"];
+            probes?: components["schemas"]["ProbeView"][];
+            fields?: components["schemas"]["SampleFields"];
         };
         /** @description Another air temperature. */
         AirTemperature: {
@@ -466,6 +468,15 @@ export interface components {
             /** @description `next_cursor` of the page before; the first page where there is none. */
             cursor?: string;
         };
+        /** @description A load that is tried somewhere. */
+        Load: {
+            /** @description Mass [kg]. */
+            mass: number;
+            /** @description Area it stands on [m²]. */
+            area: number;
+            /** @description Simulated time that it stands there [s]; until the snow has come to rest where there is none. */
+            duration?: number | null;
+        };
         /**
          * @description How a surface load spreads with depth below an object.
          * @enum {string}
@@ -590,6 +601,8 @@ export interface components {
             mass: number;
             /** @description Area it stands on [m²]. */
             area: number;
+            /** @description Simulated time that it stands there [s]; until the snow has come to rest where there is none. */
+            duration?: number | null;
         };
         /** @description Loads to try on the snow. */
         ProbeBatch: {
@@ -604,8 +617,8 @@ export interface components {
         /** @description What becomes of a load. */
         ProbeView: {
             /**
-             * @description Present height of the column less its height once it has come to rest under the load, other
-             *     objects left out [m]. What the snow still settles by itself is counted.
+             * @description Present height of the column less its height under the load, after its duration or once it has
+             *     come to rest, other objects left out [m]. What the snow still settles by itself is counted.
              */
             sink_depth: number;
             /** @description Hardness of the snow at the surface [Pa]; 0 where there is none. */
@@ -614,6 +627,13 @@ export interface components {
             pressure: number;
             /** @description Whether the pressure is not above the surface's hardness; never where there is no snow. */
             carries: boolean;
+        };
+        /** @description Says how deep loads would sink, as POST …/probes. */
+        ProbesMessage: {
+            /** @constant */
+            op: "probes";
+            id: components["schemas"]["Id"];
+            probes: components["schemas"]["Probe"][];
         };
         /** @description Why a request was not carried out: problem details after RFC 9457, the same over HTTP and the stream. */
         Problem: {
@@ -668,6 +688,56 @@ export interface components {
             width: number;
             /** @description Extent along z [m]. */
             depth: number;
+        };
+        /** @description Points at which the snow is read. */
+        SampleBatch: {
+            /** @description The points, each [x, z] in metres, inside the grid. */
+            points: number[][];
+            /** @description What is wanted of each, nothing twice. */
+            fields?: components["schemas"]["SampleField"][];
+            load?: components["schemas"]["Load"] | null;
+        };
+        /**
+         * @description Something that is wanted of a point.
+         * @enum {string}
+         */
+        SampleField: "depth" | "ground" | "elevation" | "normal" | "density" | "hardness" | "sink";
+        /** @description Fields of points: of those that were asked for a value for each point, in their order; `null` for the others. */
+        SampleFields: {
+            /** @description Snow depth [m], bilinear between the centres of columns. */
+            depth: number[] | null;
+            /** @description Elevation of the ground [m], bilinear between the centres of columns. */
+            ground: number[] | null;
+            /** @description Elevation of the snow's surface [m]: ground and depth. */
+            elevation: number[] | null;
+            /** @description Unit vectors (x, y, z) that stand on the surface; y is up. */
+            normal: number[][] | null;
+            /**
+             * @description Density [kg/m³] of the topmost cell of the column that the point is on; `null` where there is no
+             *     snow.
+             */
+            density: (number | null)[] | null;
+            /** @description Hardness [Pa] of that cell; `null` where there is no snow. */
+            hardness: (number | null)[] | null;
+            /** @description Depth [m] that the load would sink there, as a probe tells. */
+            sink: number[] | null;
+        };
+        /** @description Answer to samples. */
+        SampleReply: components["schemas"]["Stamp"] & {
+            /** @description The fields asked for. */
+            fields: components["schemas"]["SampleFields"];
+        };
+        /** @description Reads the snow at points, as POST …/samples. Its answer is one message, so it has at most 1 MiB. */
+        SamplesMessage: {
+            /** @constant */
+            op: "samples";
+            id: components["schemas"]["Id"];
+            /** @description Points, each [x, z] in metres, inside the grid. */
+            points: number[][];
+            /** @description What is wanted of each; the four of the surface where nothing is said. */
+            fields?: components["schemas"]["SampleField"][];
+            /** @description The load whose `sink` is wanted. */
+            load?: components["schemas"]["Load"] | null;
         };
         /** @description Number of the newest published change. */
         Seq: number;
@@ -1100,6 +1170,7 @@ export type Id = components['schemas']['Id'];
 export type LayerView = components['schemas']['LayerView'];
 export type ListCollidersQuery = components['schemas']['ListCollidersQuery'];
 export type ListSessionsQuery = components['schemas']['ListSessionsQuery'];
+export type Load = components['schemas']['Load'];
 export type LoadDistribution = components['schemas']['LoadDistribution'];
 export type MassView = components['schemas']['MassView'];
 export type Material = components['schemas']['Material'];
@@ -1116,10 +1187,16 @@ export type Probe = components['schemas']['Probe'];
 export type ProbeBatch = components['schemas']['ProbeBatch'];
 export type ProbeReply = components['schemas']['ProbeReply'];
 export type ProbeView = components['schemas']['ProbeView'];
+export type ProbesMessage = components['schemas']['ProbesMessage'];
 export type Problem = components['schemas']['Problem'];
 export type Readiness = components['schemas']['Readiness'];
 export type ReadyStatus = components['schemas']['ReadyStatus'];
 export type Region = components['schemas']['Region'];
+export type SampleBatch = components['schemas']['SampleBatch'];
+export type SampleField = components['schemas']['SampleField'];
+export type SampleFields = components['schemas']['SampleFields'];
+export type SampleReply = components['schemas']['SampleReply'];
+export type SamplesMessage = components['schemas']['SamplesMessage'];
 export type Seq = components['schemas']['Seq'];
 export type SessionSpec = components['schemas']['SessionSpec'];
 export type SessionView = components['schemas']['SessionView'];
