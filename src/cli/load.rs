@@ -33,6 +33,9 @@ What the figures mean:
                    `nobody`, and beside each scenario. Changes don't wait for each other. +MiB is the rise
                    of the server's memory to its peak, as seen every 20 ms. Of `ticks` it is also
                    measured what it gets alone. The server should have no other sessions.
+  samples          with --samples, from a request to its answer, read and understood, while the snow
+                   settles: what the server has at hand, what takes a frame, and that with the depth
+                   that a foot of 80 kg on 0.03 m2 would sink.
   server memory    resident set of --server-pid before the first client, and at the end of the run.
                    Linux only, and only on the server's machine.
 
@@ -41,6 +44,7 @@ Examples:
   firn load --clients 1000 --tick-rate 10 --max-rate 10 --duration 20s --server-pid $(pidof firn)
   firn load --slow-clients 10 --stall 30s --duration 40s --json
   firn load --durable --sessions 8 --clients 64
+  firn load --samples 1000 --tick-rate 20
   firn load --hostile --server-pid $(pidof firn)
   firn load --hostile --scenario ticks,objects --scale 0.1";
 
@@ -111,6 +115,9 @@ pub struct Options {
     /// With --durable: keep the sessions, to see what a restart makes of them.
     #[arg(long, requires = "durable")]
     keep: bool,
+    /// Read the snow of one session at so many points, again and again, instead of watching it.
+    #[arg(long, value_name = "POINTS", value_parser = clap::value_parser!(u32).range(1..=65_536), conflicts_with_all = ["durable", "hostile"])]
+    samples: Option<u32>,
     /// Let one client take all that it may, and measure what is left for a neighbour; for servers on
     /// this machine. --duration holds for each measurement.
     #[arg(long, conflicts_with = "durable")]
@@ -198,6 +205,12 @@ pub fn run(options: &Options) -> Result<(), Failure> {
         return print(&runtime.block_on(carry_out(show, run))?, json);
     }
     let show = |progress| line(&plan, &progress);
+    if let Some(points) = options.samples {
+        let run = async |observe: &dyn Fn(_), stop: &_| {
+            load::run_samples(&plan, points as usize, observe, stop).await
+        };
+        return print(&runtime.block_on(carry_out(show, run))?, json);
+    }
     if options.durable {
         let (changes, keep) = (options.changes, options.keep);
         let run = async |observe: &dyn Fn(_), stop: &_| {

@@ -2,7 +2,8 @@
 
 use firn_client::{Client, Error, Method, Session};
 use firn_protocol::{
-    ColliderBatch, ColliderSpec, SessionSpec, SettingsPatch, SnowLayer, Snowfall, StepSpec,
+    ColliderBatch, ColliderSpec, SampleBatch, SampleReply, SessionSpec, SettingsPatch, SnowLayer,
+    Snowfall, StepSpec,
 };
 use firn_snow::Grid;
 use reqwest::StatusCode;
@@ -96,6 +97,11 @@ impl Api {
     pub async fn snow(&self, id: &str) -> Result<(), LoadError> {
         let depth = CELL_SIZE / 200.0;
         Ok(self.session(id)?.snowfall(&Snowfall::new(depth)).await.map(drop)?)
+    }
+
+    /// Reads a session's snow at some points.
+    pub async fn sample(&self, id: &str, batch: &SampleBatch) -> Result<SampleReply, LoadError> {
+        Ok(self.session(id)?.sample(batch).await?)
     }
 
     /// Ticks of a session so far.

@@ -9,6 +9,7 @@ mod message;
 mod mover;
 mod plan;
 mod report;
+mod samples;
 mod tally;
 mod viewer;
 
@@ -32,6 +33,7 @@ pub use hostile::{
 };
 pub use plan::{Extent, Plan};
 pub use report::{Memory, Percentiles, Report};
+pub use samples::{SamplesReport, run_samples};
 
 /// Side of a column \[m\].
 const CELL_SIZE: f64 = 0.2;

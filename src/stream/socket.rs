@@ -14,6 +14,7 @@ use tracing::debug;
 
 use crate::config::Scope;
 use crate::http::{App, Caller, Unfinished};
+use crate::problem::Problem;
 use crate::session::{Reading, Session, SessionError};
 
 use super::Client;
@@ -22,6 +23,7 @@ use super::cause;
 use super::receive::{Bounds, Next, receive};
 use super::request::Read;
 use super::send::{Manner, send};
+use super::tiles::LARGEST_PART;
 
 /// Answers that wait for being written; those beyond them wait in the receiving half.
 const ANSWERS: usize = 16;
@@ -80,6 +82,14 @@ async fn tell<T: Serialize + Send + 'static>(
     app: &App,
 ) -> Next {
     let told = match reading {
+        Ok(reading) if reading.answer_bytes() > LARGEST_PART => {
+            let detail = format!(
+                "the answer would take some {} bytes; messages have at most {LARGEST_PART}: ask for \
+                 fewer points or fields at a time, or over REST",
+                reading.answer_bytes()
+            );
+            Err(Problem::invalid_field("/points", detail))
+        }
         Ok(reading) => app.answers.read(reading, move |reply| answer::found(id, &reply)).await,
         Err(error) => Err(error.into()),
     };

@@ -16,6 +16,7 @@ on_each_backend!(
     stalled_clients_catch_up,
     an_interrupted_run_cleans_up,
     durable_snowfalls_are_counted,
+    samples_are_timed,
     a_neighbour_is_measured_beside_hostile_clients,
 );
 
@@ -100,6 +101,20 @@ async fn durable_snowfalls_are_counted(backend: BackendChoice) {
     let report = self::report(&finished(tool(&server, &options)).await);
     assert!(report["per_second"].as_f64() > Some(0.0), "{report}");
     assert_eq!(sessions(&server).await, 3, "its sessions are deleted");
+    server.stop().await;
+}
+
+async fn samples_are_timed(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let report =
+        report(&finished(tool(&server, &["--samples", "50", "--duration", "300ms"])).await);
+    assert_eq!(report["points"], 50);
+    let asked = report["asked"].as_array().expect("a list");
+    assert_eq!(asked.len(), 4);
+    for of in asked {
+        assert!(of[1]["count"].as_u64() > Some(0), "{report}");
+    }
+    assert_eq!(sessions(&server).await, 0, "its session is deleted");
     server.stop().await;
 }
 

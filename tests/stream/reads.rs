@@ -18,6 +18,7 @@ async fn samples_and_probes_are_answered_as_over_rest(backend: BackendChoice) {
     let probes = json!({"probes": [{"x": 1, "z": 1, "mass": 80, "area": 0.1, "duration": 0.5}]});
     let surface = json!({"points": [[0.3, 0.4]]});
     let wrong = json!({"points": [[0, 0], [3, 0]]});
+    let many = json!({"points": vec![[1, 1]; 10_000]});
     let reads = [
         ("samples", &samples),
         ("probes", &probes),
@@ -49,6 +50,13 @@ async fn samples_and_probes_are_answered_as_over_rest(backend: BackendChoice) {
     }
     let outside = server.post(&format!("{session}/samples"), wrong).await;
     assert_eq!(outside.pointers(422), ["/points/1"]);
+    let mut client = Client::open(&server, &session).await;
+    let mut command = many.clone();
+    (command["op"], command["id"]) = (json!("samples"), json!(1));
+    client.send(command).await;
+    let refused = client.answer().await;
+    assert_eq!(refused["problem"]["errors"][0]["pointer"], "/points", "an answer of one message");
+    server.post(&format!("{session}/samples"), many).await.expect(200);
     server.stop().await;
 }
 

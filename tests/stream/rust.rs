@@ -4,8 +4,9 @@ use firn::config::BackendChoice;
 use firn_client::{Client, Error, HeightField, Heights, Message, Session, Stream};
 use firn_protocol::stream::{Command, SubProtocol};
 use firn_protocol::{
-    Clearing, ColumnRegion, DepthWatch, Event, EventKind, Events, Region, SessionSpec,
-    SettingsPatch, SnowLayer, Snowfall, State, StepSpec, Subscribe, Update,
+    Clearing, ColumnRegion, DepthWatch, Event, EventKind, Events, Load, Region, SampleBatch,
+    SampleField, SampleReply, SessionSpec, SettingsPatch, SnowLayer, Snowfall, State, StepSpec,
+    Subscribe, Update,
 };
 use firn_snow::Grid;
 use tokio::time::timeout;
@@ -20,6 +21,7 @@ on_each_backend!(
     it_resumes_where_it_was,
     events_and_watches_are_asked_for,
     what_is_refused_says_why,
+    samples_are_typed,
     a_stream_tells_its_end,
 );
 
@@ -33,6 +35,26 @@ async fn field(server: &Server) -> Session {
         ..SessionSpec::default()
     };
     client.create(&spec).await.unwrap().0
+}
+
+async fn samples_are_typed(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = field(&server).await;
+    let batch = SampleBatch {
+        points: vec![[0.3, 0.5], [4.0, 2.4]],
+        fields: vec![SampleField::Depth, SampleField::Sink],
+        load: Some(Load { mass: 80.0, area: 0.1, duration: Some(0.5) }),
+    };
+    let reply = session.sample(&batch).await.unwrap();
+    assert_eq!(reply.fields.depth, Some(vec![1.0, 1.0]));
+    assert!(reply.fields.sink.as_ref().unwrap().iter().all(|&sink| sink > 0.01));
+    assert_eq!(reply.fields.normal, None);
+    let mut stream = session.stream(SubProtocol::Binary).await.unwrap();
+    stream.send(&Command::Samples { id: 3, batch }).await.unwrap();
+    let Message::Ack(ack) = stream.next().await.unwrap() else { panic!("no ack") };
+    let fields = serde_json::from_value(ack.reply["fields"].clone()).unwrap();
+    assert_eq!((ack.id, SampleReply { stamp: ack.stamp, fields }), (3, reply));
+    server.stop().await;
 }
 
 /// The next message of heights.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from firn import Client, ProblemError
+from firn.types import Load
 
 GRID = {"width": 16, "depth": 12, "height": 30, "cell_size": 0.2}
 
@@ -82,6 +83,12 @@ def test_heights_are_arrays(client: Client) -> None:
     assert cells["density"][0, 0, 0] == pytest.approx(20) and np.isnan(cells["density"][1, 0, 0])
     (probe,) = session.probe([{"x": 0.1, "z": 0.1, "mass": 1, "area": 0.05}])
     assert probe["sink_depth"] > 0
+    load: Load = {"mass": 1, "area": 0.05}
+    samples = session.sample([[0.1, 0.1], [0.5, 0.3]], ["sink", "normal", "depth"], load)
+    assert samples.fields["sink"][0] == np.float32(probe["sink_depth"])
+    assert samples.fields["normal"].shape == (2, 3) and samples.fields["depth"].shape == (2,)
+    assert samples.fields["depth"][0] == np.float32(session.height(0.1, 0.1))
+    assert set(session.sample([[0.1, 0.1]]).fields) == {"depth", "ground", "elevation", "normal"}
 
 
 def test_a_snapshot_is_the_same_snow(client: Client) -> None:

@@ -20,6 +20,8 @@ export interface components {
             cleared_mass?: number;
             celsius?: number;
             collider?: components["schemas"]["ColliderView"];
+            probes?: components["schemas"]["ProbeView"][];
+            fields?: components["schemas"]["SampleFields"];
         };
         /** @description Another air temperature. */
         AirTemperature: {
@@ -493,6 +495,15 @@ export interface components {
             /** @description `next_cursor` of the page before; the first page where there is none. */
             cursor?: string;
         };
+        /** @description A load that is tried somewhere. */
+        Load: {
+            /** @description Mass [kg]. */
+            mass: number;
+            /** @description Area it stands on [m²]. */
+            area: number;
+            /** @description Simulated time that it stands there [s]; until the snow has come to rest where there is none. */
+            duration?: number | null;
+        };
         /**
          * @description How a surface load spreads with depth below an object.
          * @enum {string}
@@ -620,6 +631,8 @@ export interface components {
             mass: number;
             /** @description Area it stands on [m²]. */
             area: number;
+            /** @description Simulated time that it stands there [s]; until the snow has come to rest where there is none. */
+            duration?: number | null;
         };
         /** @description Loads to try on the snow. */
         ProbeBatch: {
@@ -634,8 +647,8 @@ export interface components {
         /** @description What becomes of a load. */
         ProbeView: {
             /**
-             * @description Present height of the column less its height once it has come to rest under the load, other
-             *     objects left out [m]. What the snow still settles by itself is counted.
+             * @description Present height of the column less its height under the load, after its duration or once it has
+             *     come to rest, other objects left out [m]. What the snow still settles by itself is counted.
              */
             sink_depth: number;
             /** @description Hardness of the snow at the surface [Pa]; 0 where there is none. */
@@ -644,6 +657,13 @@ export interface components {
             pressure: number;
             /** @description Whether the pressure is not above the surface's hardness; never where there is no snow. */
             carries: boolean;
+        };
+        /** @description Says how deep loads would sink, as POST …/probes. */
+        ProbesMessage: {
+            /** @constant */
+            op: "probes";
+            id: components["schemas"]["Id"];
+            probes: components["schemas"]["Probe"][];
         };
         /** @description Why a request was not carried out: problem details after RFC 9457, the same over HTTP and the stream. */
         Problem: {
@@ -1188,6 +1208,7 @@ export type Id = components['schemas']['Id'];
 export type LayerView = components['schemas']['LayerView'];
 export type ListCollidersQuery = components['schemas']['ListCollidersQuery'];
 export type ListSessionsQuery = components['schemas']['ListSessionsQuery'];
+export type Load = components['schemas']['Load'];
 export type LoadDistribution = components['schemas']['LoadDistribution'];
 export type MassView = components['schemas']['MassView'];
 export type Material = components['schemas']['Material'];
@@ -1205,11 +1226,17 @@ export type Probe = components['schemas']['Probe'];
 export type ProbeBatch = components['schemas']['ProbeBatch'];
 export type ProbeReply = components['schemas']['ProbeReply'];
 export type ProbeView = components['schemas']['ProbeView'];
+export type ProbesMessage = components['schemas']['ProbesMessage'];
 export type Problem = components['schemas']['Problem'];
 export type Progress = components['schemas']['Progress'];
 export type Readiness = components['schemas']['Readiness'];
 export type ReadyStatus = components['schemas']['ReadyStatus'];
 export type Region = components['schemas']['Region'];
+export type SampleBatch = components['schemas']['SampleBatch'];
+export type SampleField = components['schemas']['SampleField'];
+export type SampleFields = components['schemas']['SampleFields'];
+export type SampleReply = components['schemas']['SampleReply'];
+export type SamplesMessage = components['schemas']['SamplesMessage'];
 export type Seq = components['schemas']['Seq'];
 export type SessionSpec = components['schemas']['SessionSpec'];
 export type SessionView = components['schemas']['SessionView'];

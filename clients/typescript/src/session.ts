@@ -17,6 +17,8 @@ import type {
   PageQuery,
   Probe,
   ProbeSpec,
+  SampleBatch,
+  SampleFields,
   SessionView,
   SettingsPatch,
   Snowfall,
@@ -37,6 +39,11 @@ export interface CellsQuery extends Omit<GetCellsQuery, "fields"> {
 /** Heights of a region, row by row: index = z · width + x. */
 export interface Heights extends Stamp {
   heights: Float32Array;
+}
+
+/** The snow at points. Of the fields that were asked for a value for each point, `null` for the others. */
+export interface Samples extends Stamp {
+  fields: SampleFields;
 }
 
 /** One session of a server. A change is answered once it is applied and visible to the next read. */
@@ -209,6 +216,11 @@ export class Session {
   /** How deep loads would sink, without putting them there. */
   probe(probes: ProbeSpec[]): Promise<Stamp & { probes: Probe[] }> {
     return this.call("/probes", { method: "POST", body: { probes } });
+  }
+
+  /** The snow at points, each [x, z] in metres: `fields` of them, the four of the surface where nothing is said. */
+  sample(batch: SampleBatch, signal?: AbortSignal): Promise<Samples> {
+    return this.call("/samples", { method: "POST", body: batch, signal });
   }
 
   /** Opens a stream, which connects again by itself and resumes. */

@@ -82,6 +82,11 @@ test("a session's life over REST", async () => {
   assert.ok((await session.usage()).memory_bytes.device > 0);
   const { probes } = await session.probe([{ x: 3, z: 2, mass: 80, area: 0.05 }]);
   assert.ok((probes[0]?.sink_depth ?? 0) > 0);
+  const load = { mass: 80, area: 0.05 };
+  const { fields } = await session.sample({ points: [[3, 2], [1, 1]], fields: ["sink", "normal"], load });
+  assert.equal(fields.sink?.[0], probes[0]?.sink_depth);
+  assert.equal(fields.normal?.[1]?.length, 3);
+  assert.equal(fields.depth, null);
 
   const { digest } = await session.digest();
   await firn.restoreSession(await session.snapshot(), "copy");

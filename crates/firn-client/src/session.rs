@@ -3,8 +3,8 @@
 use firn_protocol::stream::SubProtocol;
 use firn_protocol::{
     AirTemperature, AirTemperatureReply, Clearing, ClearingReply, ColliderBatch, ColliderPatch,
-    ColliderReply, ColliderSpec, ColumnView, MassView, ProbeBatch, ProbeReply, SessionView,
-    SettingsPatch, Snowfall, SnowfallReply, Stamp, StepSpec, UsageView,
+    ColliderReply, ColliderSpec, ColumnView, MassView, ProbeBatch, ProbeReply, SampleBatch,
+    SampleReply, SessionView, SettingsPatch, Snowfall, SnowfallReply, Stamp, StepSpec, UsageView,
 };
 use reqwest::Method;
 use serde::Serialize;
@@ -140,6 +140,11 @@ impl Session {
     /// How deep loads would sink, without putting them on the snow.
     pub async fn probe(&self, probes: &ProbeBatch) -> Result<ProbeReply, Error> {
         self.post("/probes", probes).await
+    }
+
+    /// The snow at some points.
+    pub async fn sample(&self, samples: &SampleBatch) -> Result<SampleReply, Error> {
+        self.post("/samples", samples).await
     }
 
     /// Opens a height stream, and reads its welcome.

@@ -66,32 +66,24 @@ pub struct SampleReply {
     pub fields: SampleFields,
 }
 
-/// Fields of points, those that were asked for; each has a value for every point, in their order.
+/// Fields of points: of those that were asked for a value for each point, in their order; `null` for the others.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(default)]
 pub struct SampleFields {
     /// Snow depth \[m\], bilinear between the centres of columns.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub depth: Option<Vec<f64>>,
     /// Elevation of the ground \[m\], bilinear between the centres of columns.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub ground: Option<Vec<f64>>,
     /// Elevation of the snow's surface \[m\]: ground and depth.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub elevation: Option<Vec<f64>>,
     /// Unit vectors (x, y, z) that stand on the surface; y is up.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(value_type = Option<Vec<Vec<f64>>>))]
     pub normal: Option<Vec<[f64; 3]>>,
     /// Density \[kg/m³\] of the topmost cell of the column that the point is on; `null` where there is no
     /// snow.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub density: Option<Vec<Option<f64>>>,
     /// Hardness \[Pa\] of that cell; `null` where there is no snow.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub hardness: Option<Vec<Option<f64>>>,
     /// Depth \[m\] that the load would sink there, as a probe tells.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub sink: Option<Vec<f64>>,
 }

@@ -7,7 +7,7 @@ api/openapi.json and api/asyncapi.yaml describe them.
 from .client import Client
 from .codec import DecodeError, HeightMessage, Tile, decode
 from .problem import FieldError, ProblemError
-from .session import Heights, Session
+from .session import Heights, Samples, Session
 from .stream import Disconnected, Stream, StreamClosed
 from .subscription import Change, Subscription
 
@@ -20,6 +20,7 @@ __all__ = [
     "HeightMessage",
     "Heights",
     "ProblemError",
+    "Samples",
     "Session",
     "Stream",
     "StreamClosed",

@@ -17,6 +17,8 @@ class AckMessage(TypedDict):
     cleared_mass: NotRequired[float]
     celsius: NotRequired[float]
     collider: NotRequired[ColliderView]
+    probes: NotRequired[list[ProbeView]]
+    fields: NotRequired[SampleFields]
 
 
 class AirTemperature(TypedDict):
@@ -515,6 +517,19 @@ class ListSessionsQuery(TypedDict):
     """`next_cursor` of the page before; the first page where there is none."""
 
 
+class Load(TypedDict):
+    """A load that is tried somewhere."""
+
+    mass: float
+    """Mass [kg]."""
+
+    area: float
+    """Area it stands on [m²]."""
+
+    duration: NotRequired[float | None]
+    """Simulated time that it stands there [s]; until the snow has come to rest where there is none."""
+
+
 LoadDistribution: TypeAlias = Literal["two_to_one", "uniform", "surface"]
 
 
@@ -662,6 +677,9 @@ class Probe(TypedDict):
     area: float
     """Area it stands on [m²]."""
 
+    duration: NotRequired[float | None]
+    """Simulated time that it stands there [s]; until the snow has come to rest where there is none."""
+
 
 class ProbeBatch(TypedDict):
     """Loads to try on the snow."""
@@ -675,8 +693,8 @@ class ProbeView(TypedDict):
 
     sink_depth: float
     """
-    Present height of the column less its height once it has come to rest under the load, other
-    objects left out [m]. What the snow still settles by itself is counted.
+    Present height of the column less its height under the load, after its duration or once it has
+    come to rest, other objects left out [m]. What the snow still settles by itself is counted.
     """
 
     surface_hardness: float
@@ -687,6 +705,14 @@ class ProbeView(TypedDict):
 
     carries: bool
     """Whether the pressure is not above the surface's hardness; never where there is no snow."""
+
+
+class ProbesMessage(TypedDict):
+    """Says how deep loads would sink, as POST …/probes."""
+
+    op: Literal["probes"]
+    id: Id
+    probes: list[Probe]
 
 
 class Problem(TypedDict):
@@ -779,6 +805,64 @@ class Resume(TypedDict):
 
     epoch: str
     seq: int
+
+
+class SampleBatch(TypedDict):
+    """Points at which the snow is read."""
+
+    points: list[list[float]]
+    """The points, each [x, z] in metres, inside the grid."""
+
+    fields: NotRequired[list[SampleField]]
+    """What is wanted of each, nothing twice."""
+
+    load: NotRequired[Load | None]
+
+
+SampleField: TypeAlias = Literal["depth", "ground", "elevation", "normal", "density", "hardness", "sink"]
+
+
+class SampleFields(TypedDict):
+    """Fields of points: of those that were asked for a value for each point, in their order; `null` for the others."""
+
+    depth: list[float] | None
+    """Snow depth [m], bilinear between the centres of columns."""
+
+    ground: list[float] | None
+    """Elevation of the ground [m], bilinear between the centres of columns."""
+
+    elevation: list[float] | None
+    """Elevation of the snow's surface [m]: ground and depth."""
+
+    normal: list[list[float]] | None
+    """Unit vectors (x, y, z) that stand on the surface; y is up."""
+
+    density: list[float | None] | None
+    """
+    Density [kg/m³] of the topmost cell of the column that the point is on; `null` where there is no
+    snow.
+    """
+
+    hardness: list[float | None] | None
+    """Hardness [Pa] of that cell; `null` where there is no snow."""
+
+    sink: list[float] | None
+    """Depth [m] that the load would sink there, as a probe tells."""
+
+
+class SamplesMessage(TypedDict):
+    """Reads the snow at points, as POST …/samples. Its answer is one message, so it has at most 1 MiB."""
+
+    op: Literal["samples"]
+    id: Id
+    points: list[list[float]]
+    """Points, each [x, z] in metres, inside the grid."""
+
+    fields: NotRequired[list[SampleField]]
+    """What is wanted of each; the four of the surface where nothing is said."""
+
+    load: NotRequired[Load | None]
+    """The load whose `sink` is wanted."""
 
 
 Seq: TypeAlias = int
@@ -1185,6 +1269,13 @@ class ProbeReply(Stamp):
 
     probes: list[ProbeView]
     """What becomes of each load, in the order asked for."""
+
+
+class SampleReply(Stamp):
+    """Answer to samples."""
+
+    fields: SampleFields
+    """The fields asked for."""
 
 
 class SnowfallReply(Stamp):

@@ -19,11 +19,13 @@ from .types import (
     Column,
     Event,
     HeightsQuery,
+    Load,
     MassLedger,
     Probe,
     ProbeSpec,
     Region,
     RenderQuery,
+    SampleField,
     SessionView,
     SettingsPatch,
     SnowfallReply,
@@ -47,6 +49,16 @@ class Heights:
     tick: int
     seq: int
     """Number of the state. It only grows, and may exceed 32 bits."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The snow at points, and when it is so."""
+
+    fields: dict[SampleField, NDArray[np.float32]]
+    """Of shape (points,), `normal` of shape (points, 3); NaN where there is no snow."""
+    tick: int
+    seq: int
 
 
 class Session:
@@ -207,6 +219,26 @@ class Session:
     def probe(self, probes: Iterable[ProbeSpec]) -> list[Probe]:
         """How deep loads would sink, without putting them there."""
         return list(self._call("POST", "/probes", json={"probes": list(probes)})["probes"])
+
+    def sample(
+        self,
+        points: ArrayLike,
+        fields: Iterable[SampleField] = ("depth", "ground", "elevation", "normal"),
+        load: Load | None = None,
+    ) -> Samples:
+        """The snow at up to 65536 points [m], shape (points, 2): x and z. `sink` is how deep the `load` would sink."""
+        wanted = list(fields)
+        body = {"points": np.asarray(points, np.float64).tolist(), "fields": wanted, "load": load}
+        headers = {"accept": "application/x-npy"}
+        response = self.client.request("POST", f"{self.path}/samples", json=body, headers=headers)
+        table = np.load(io.BytesIO(response.content), allow_pickle=False)
+        found: dict[SampleField, NDArray[np.float32]] = {}
+        column = 0
+        for field in wanted:
+            width = 3 if field == "normal" else 1
+            found[field] = table[:, column] if width == 1 else table[:, column : column + width]
+            column += width
+        return Samples(found, int(response.headers["firn-tick"]), int(response.headers["firn-seq"]))
 
     def render(self, **query: Unpack[RenderQuery]) -> bytes:
         """A picture as PNG; `GET …/render.png` has the options, such as `view="surface"`, `field="density"`."""
