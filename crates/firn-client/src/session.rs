@@ -4,11 +4,12 @@ use firn_protocol::stream::SubProtocol;
 use firn_protocol::{
     AirTemperature, AirTemperatureReply, Clearing, ClearingReply, ColliderBatch, ColliderPatch,
     ColliderReply, ColliderSpec, ColumnView, MassView, ProbeBatch, ProbeReply, SampleBatch,
-    SampleReply, SessionView, SettingsPatch, Snowfall, SnowfallReply, Stamp, StepSpec, UsageView,
+    SampleReply, SessionView, SettingsPatch, Snowfall, SnowfallReply, Stamp, StepSpec, Terrain,
+    UsageView,
 };
 use reqwest::Method;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use crate::client::{Client, checked};
 use crate::error::Error;
@@ -16,6 +17,12 @@ use crate::stream::Stream;
 
 /// A body where there is none.
 const NONE: Option<&()> = None;
+
+/// What is read of an answer about the ground.
+#[derive(Deserialize)]
+struct Elevations {
+    heights: Vec<f64>,
+}
 
 /// A handle to a session of a server. Every call fails as [`Client::call`] does.
 #[derive(Clone, Debug)]
@@ -96,6 +103,17 @@ impl Session {
     pub async fn air_temperature(&self, celsius: f64) -> Result<AirTemperatureReply, Error> {
         let air = AirTemperature { celsius };
         self.client.call(Method::PUT, &self.path("/air-temperature"), Some(&air)).await
+    }
+
+    /// Elevation of the ground under each column \[m\], row by row.
+    pub async fn terrain(&self) -> Result<Vec<f64>, Error> {
+        let Elevations { heights } = self.get("/terrain").await?;
+        Ok(heights)
+    }
+
+    /// Lays other ground under the snow.
+    pub async fn put_terrain(&self, terrain: &Terrain) -> Result<Stamp, Error> {
+        self.client.call(Method::PUT, &self.path("/terrain"), Some(terrain)).await
     }
 
     /// Puts an object on the snow; the server names it where it has no id.
