@@ -55,7 +55,7 @@ export interface components {
             column_x: number;
             /** @description Along z. */
             column_z: number;
-            /** @description Along y, from the lowest ground up. */
+            /** @description Along y, from what `reference` says up. */
             cell_y: number;
         };
         /** @description A box of the fixed grid. Arrays have x fastest, then y, then z. */
@@ -264,7 +264,7 @@ export interface components {
          * @description A kind of events that a subscription can choose.
          * @enum {unknown}
          */
-        EventKind: "snowfall" | "clearing" | "settings" | "settled" | "reset";
+        EventKind: "snowfall" | "clearing" | "settings" | "terrain" | "settled" | "reset";
         /** @description Something happened in the session, or a watch tells how it stands. */
         EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["PlainEvent"] | components["schemas"]["WatchEvent"];
         /**
@@ -285,13 +285,18 @@ export interface components {
             column_x?: number;
             /** @description First column along z. */
             column_z?: number;
-            /** @description First cell along y; 0 stands on the lowest ground. */
+            /**
+             * @description What cells along y are counted from: the lowest ground of the session, or the ground of each column.
+             * @enum {string}
+             */
+            reference?: "lowest" | "ground";
+            /** @description First cell along y; 0 stands on what is counted from. */
             cell_y?: number;
             /** @description Cells along x; up to the grid's edge where there is none. */
             width?: number;
             /** @description Cells along z; up to the grid's edge where there is none. */
             depth?: number;
-            /** @description Cells along y; up to the grid's height on the highest ground where there is none. */
+            /** @description Cells along y; up to the grid's height, on the highest ground, where there is none. */
             height?: number;
             /** @description Names of fields, separated by commas. */
             fields?: string;
@@ -389,6 +394,19 @@ export interface components {
              */
             background?: "light" | "dark" | "transparent";
         };
+        /** @description Read the ground */
+        GetTerrainQuery: {
+            /** @description First column along x. */
+            column_x?: number;
+            /** @description First column along z. */
+            column_z?: number;
+            /** @description Samples along x; up to the grid's edge where there is none. */
+            width?: number;
+            /** @description Samples along z; up to the grid's edge where there is none. */
+            depth?: number;
+            /** @description Columns from one sample to the next: 1, 2, 4 or 8. */
+            stride?: number;
+        };
         /** @description Size of a snowpack: columns along x and z, slots along y. */
         Grid: {
             /** @description Columns along x. */
@@ -445,7 +463,7 @@ export interface components {
              */
             more?: true;
         };
-        /** @description Snow depths of a region. */
+        /** @description Heights of a region. */
         HeightsView: components["schemas"]["Stamp"] & {
             /** @description First column. */
             origin: components["schemas"]["Origin"];
@@ -457,7 +475,7 @@ export interface components {
             stride: number;
             /** @description Side of a column [m]. */
             cell_size: number;
-            /** @description Snow depths [m], row by row: index = z · width + x. */
+            /** @description Snow depths [m], or elevations where those are asked for, row by row: index = z · width + x. */
             heights: number[];
         };
         /** @description The client's own number, repeated in the answer. */
@@ -492,6 +510,15 @@ export interface components {
             limit?: number;
             /** @description `next_cursor` of the page before; the first page where there is none. */
             cursor?: string;
+        };
+        /** @description A load that is tried somewhere. */
+        Load: {
+            /** @description Mass [kg]. */
+            mass: number;
+            /** @description Area it stands on [m²]. */
+            area: number;
+            /** @description Simulated time that it stands there [s]; until the snow has come to rest where there is none. */
+            duration?: number | null;
         };
         /**
          * @description How a surface load spreads with depth below an object.
@@ -620,6 +647,8 @@ export interface components {
             mass: number;
             /** @description Area it stands on [m²]. */
             area: number;
+            /** @description Simulated time that it stands there [s]; until the snow has come to rest where there is none. */
+            duration?: number | null;
         };
         /** @description Loads to try on the snow. */
         ProbeBatch: {
@@ -634,8 +663,8 @@ export interface components {
         /** @description What becomes of a load. */
         ProbeView: {
             /**
-             * @description Present height of the column less its height once it has come to rest under the load, other
-             *     objects left out [m]. What the snow still settles by itself is counted.
+             * @description Present height of the column less its height under the load, after its duration or once it has
+             *     come to rest, other objects left out [m]. What the snow still settles by itself is counted.
              */
             sink_depth: number;
             /** @description Hardness of the snow at the surface [Pa]; 0 where there is none. */
@@ -657,6 +686,13 @@ export interface components {
             detail: string;
             /** @description Each part of the request that was wrong, the first hundred of them; may be empty. */
             errors: components["schemas"]["FieldError"][];
+        };
+        /** @description Put other ground under the snow */
+        PutTerrainQuery: {
+            /** @description Metres from one grey to the next, not 0; an image needs it, nothing else may have it. */
+            scale?: number;
+            /** @description Metres at grey 0 (an image only). */
+            offset?: number;
         };
         /** @description Answer to `GET /readyz`. */
         Readiness: {
@@ -698,6 +734,44 @@ export interface components {
             width: number;
             /** @description Extent along z [m]. */
             depth: number;
+        };
+        /** @description Points at which the snow is read. */
+        SampleBatch: {
+            /** @description The points, each [x, z] in metres, inside the grid. */
+            points: number[][];
+            /** @description What is wanted of each, nothing twice. */
+            fields?: components["schemas"]["SampleField"][];
+            load?: components["schemas"]["Load"] | null;
+        };
+        /**
+         * @description Something that is wanted of a point.
+         * @enum {string}
+         */
+        SampleField: "depth" | "ground" | "elevation" | "normal" | "density" | "hardness" | "sink";
+        /** @description Fields of points, those that were asked for; each has a value for every point, in their order. */
+        SampleFields: {
+            /** @description Snow depth [m], bilinear between the centres of columns. */
+            depth: number[] | null;
+            /** @description Elevation of the ground [m], bilinear between the centres of columns. */
+            ground: number[] | null;
+            /** @description Elevation of the snow's surface [m]: ground and depth. */
+            elevation: number[] | null;
+            /** @description Unit vectors (x, y, z) that stand on the surface; y is up. */
+            normal: number[][] | null;
+            /**
+             * @description Density [kg/m³] of the topmost cell of the column that the point is on; `null` where there is no
+             *     snow.
+             */
+            density: (number | null)[] | null;
+            /** @description Hardness [Pa] of that cell; `null` where there is no snow. */
+            hardness: (number | null)[] | null;
+            /** @description Depth [m] that the load would sink there, as a probe tells. */
+            sink: number[] | null;
+        };
+        /** @description Answer to samples. */
+        SampleReply: components["schemas"]["Stamp"] & {
+            /** @description The fields asked for. */
+            fields: components["schemas"]["SampleFields"];
         };
         /**
          * @description Number of the newest published change. It only grows, by how much depends on what else the server does; it may exceed
@@ -742,7 +816,8 @@ export interface components {
             grid: components["schemas"]["Grid"];
             /** @description Material constants. */
             material: components["schemas"]["Material"];
-            terrain: components["schemas"]["Terrain"] | null;
+            /** @description Whether it was told a ground to lie on (`GET …/terrain`); without, the ground is level at 0. */
+            terrain: boolean;
             /** @description What it is doing. */
             state: components["schemas"]["State"];
             /**
@@ -1156,6 +1231,7 @@ export type GetHeightQuery = components['schemas']['GetHeightQuery'];
 export type GetHeightsQuery = components['schemas']['GetHeightsQuery'];
 export type GetProfileQuery = components['schemas']['GetProfileQuery'];
 export type GetRenderQuery = components['schemas']['GetRenderQuery'];
+export type GetTerrainQuery = components['schemas']['GetTerrainQuery'];
 export type Grid = components['schemas']['Grid'];
 export type GridSpec = components['schemas']['GridSpec'];
 export type HardnessLaw = components['schemas']['HardnessLaw'];
@@ -1166,6 +1242,7 @@ export type Id = components['schemas']['Id'];
 export type LayerView = components['schemas']['LayerView'];
 export type ListCollidersQuery = components['schemas']['ListCollidersQuery'];
 export type ListSessionsQuery = components['schemas']['ListSessionsQuery'];
+export type Load = components['schemas']['Load'];
 export type LoadDistribution = components['schemas']['LoadDistribution'];
 export type MassView = components['schemas']['MassView'];
 export type Material = components['schemas']['Material'];
@@ -1184,9 +1261,14 @@ export type ProbeBatch = components['schemas']['ProbeBatch'];
 export type ProbeReply = components['schemas']['ProbeReply'];
 export type ProbeView = components['schemas']['ProbeView'];
 export type Problem = components['schemas']['Problem'];
+export type PutTerrainQuery = components['schemas']['PutTerrainQuery'];
 export type Readiness = components['schemas']['Readiness'];
 export type ReadyStatus = components['schemas']['ReadyStatus'];
 export type Region = components['schemas']['Region'];
+export type SampleBatch = components['schemas']['SampleBatch'];
+export type SampleField = components['schemas']['SampleField'];
+export type SampleFields = components['schemas']['SampleFields'];
+export type SampleReply = components['schemas']['SampleReply'];
 export type Seq = components['schemas']['Seq'];
 export type SessionSpec = components['schemas']['SessionSpec'];
 export type SessionView = components['schemas']['SessionView'];

@@ -57,6 +57,7 @@ export function createDialog(): void {
     },
   );
   for (const input of sizes) input.addEventListener("input", () => terrain.check());
+  const button = h("button", { class: "primary" }, "Create");
   const paused = h("input", { type: "checkbox" });
   const problem = h("p", { class: "problem", role: "alert" });
 
@@ -89,6 +90,7 @@ export function createDialog(): void {
   const submit = async (event: SubmitEvent) => {
     event.preventDefault();
     problem.textContent = "";
+    button.disabled = true;
     try {
       const created = await create();
       const { auth } = await server().readiness();
@@ -96,6 +98,8 @@ export function createDialog(): void {
       else showTokens(created);
     } catch (error) {
       problem.textContent = explain(error);
+    } finally {
+      button.disabled = false;
     }
   };
   const leave = (id: string) => {
@@ -129,12 +133,7 @@ export function createDialog(): void {
     terrain.element,
     h("label", { class: "check" }, paused, "Begin paused"),
     problem,
-    h(
-      "div",
-      { class: "buttons" },
-      h("button", { type: "button", click: () => dialog.close() }, "Cancel"),
-      h("button", { class: "primary" }, "Create"),
-    ),
+    h("div", { class: "buttons" }, h("button", { type: "button", click: () => dialog.close() }, "Cancel"), button),
   );
   const dialog = h("dialog", { class: "dialog", "aria-label": "New session", close: () => dialog.remove() }, form);
   document.body.append(dialog);

@@ -26,22 +26,26 @@ export function hills(width: number, depth: number, relief: number, seed: number
 function addWaves(heights: Float32Array, width: number, wavelength: number, height: number, seed: number): void {
   const points = Math.ceil(width / wavelength) + 1;
   const rows = Math.ceil(heights.length / width / wavelength) + 1;
-  const slopes = Array.from({ length: points * rows }, (_, i) => {
+  const alongX = new Float64Array(points * rows);
+  const alongZ = new Float64Array(points * rows);
+  for (let i = 0; i < points * rows; i++) {
     const angle = (2 * Math.PI * lot(i % points, Math.floor(i / points), seed)) / 2 ** 32;
-    return [Math.cos(angle), Math.sin(angle)] as const;
-  });
+    alongX[i] = Math.cos(angle);
+    alongZ[i] = Math.sin(angle);
+  }
+  /** What the slope at a point of the lattice makes of the ground at a distance. */
+  const rise = (point: number, dx: number, dz: number) =>
+    (alongX[point] as number) * dx + (alongZ[point] as number) * dz;
   for (let i = 0; i < heights.length; i++) {
-    const [x, z] = [(i % width) / wavelength, Math.floor(i / width) / wavelength];
-    const [column, row] = [Math.floor(x), Math.floor(z)];
-    const [dx, dz] = [x - column, z - row];
-    const corner = (right: number, down: number) => {
-      const [alongX, alongZ] = slopes[(row + down) * points + column + right] as readonly [number, number];
-      return alongX * (dx - right) + alongZ * (dz - down);
-    };
-    const [u, v] = [ease(dx), ease(dz)];
-    const back = corner(0, 0) + u * (corner(1, 0) - corner(0, 0));
-    const front = corner(0, 1) + u * (corner(1, 1) - corner(0, 1));
-    heights[i] = (heights[i] as number) + height * (back + v * (front - back));
+    const x = (i % width) / wavelength;
+    const z = Math.floor(i / width) / wavelength;
+    const point = Math.floor(z) * points + Math.floor(x);
+    const dx = x - Math.floor(x);
+    const dz = z - Math.floor(z);
+    const u = ease(dx);
+    const back = rise(point, dx, dz) * (1 - u) + rise(point + 1, dx - 1, dz) * u;
+    const front = rise(point + points, dx, dz - 1) * (1 - u) + rise(point + points + 1, dx - 1, dz - 1) * u;
+    heights[i] = (heights[i] as number) + height * (back + ease(dz) * (front - back));
   }
 }
 

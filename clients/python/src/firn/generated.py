@@ -55,7 +55,7 @@ class CellOrigin(TypedDict):
     """Along z."""
 
     cell_y: int
-    """Along y, from the lowest ground up."""
+    """Along y, from what `reference` says up."""
 
 
 class Clearing(TypedDict):
@@ -252,7 +252,7 @@ class ErrorMessage(TypedDict):
     problem: Problem
 
 
-EventKind: TypeAlias = Literal["snowfall", "clearing", "settings", "settled", "reset"]
+EventKind: TypeAlias = Literal["snowfall", "clearing", "settings", "terrain", "settled", "reset"]
 
 
 EventsWanted: TypeAlias = bool | list[EventKind]
@@ -281,8 +281,11 @@ class GetCellsQuery(TypedDict):
     column_z: NotRequired[int]
     """First column along z."""
 
+    reference: NotRequired[Literal["lowest", "ground"]]
+    """What cells along y are counted from: the lowest ground of the session, or the ground of each column."""
+
     cell_y: NotRequired[int]
-    """First cell along y; 0 stands on the lowest ground."""
+    """First cell along y; 0 stands on what is counted from."""
 
     width: NotRequired[int]
     """Cells along x; up to the grid's edge where there is none."""
@@ -291,7 +294,7 @@ class GetCellsQuery(TypedDict):
     """Cells along z; up to the grid's edge where there is none."""
 
     height: NotRequired[int]
-    """Cells along y; up to the grid's height on the highest ground where there is none."""
+    """Cells along y; up to the grid's height, on the highest ground, where there is none."""
 
     fields: NotRequired[str]
     """Names of fields, separated by commas."""
@@ -409,6 +412,25 @@ class GetRenderQuery(TypedDict):
     """What is around the snow."""
 
 
+class GetTerrainQuery(TypedDict):
+    """Read the ground"""
+
+    column_x: NotRequired[int]
+    """First column along x."""
+
+    column_z: NotRequired[int]
+    """First column along z."""
+
+    width: NotRequired[int]
+    """Samples along x; up to the grid's edge where there is none."""
+
+    depth: NotRequired[int]
+    """Samples along z; up to the grid's edge where there is none."""
+
+    stride: NotRequired[int]
+    """Columns from one sample to the next: 1, 2, 4 or 8."""
+
+
 class Grid(TypedDict):
     """Size of a snowpack: columns along x and z, slots along y."""
 
@@ -513,6 +535,19 @@ class ListSessionsQuery(TypedDict):
 
     cursor: NotRequired[str]
     """`next_cursor` of the page before; the first page where there is none."""
+
+
+class Load(TypedDict):
+    """A load that is tried somewhere."""
+
+    mass: float
+    """Mass [kg]."""
+
+    area: float
+    """Area it stands on [m²]."""
+
+    duration: NotRequired[float | None]
+    """Simulated time that it stands there [s]; until the snow has come to rest where there is none."""
 
 
 LoadDistribution: TypeAlias = Literal["two_to_one", "uniform", "surface"]
@@ -662,6 +697,9 @@ class Probe(TypedDict):
     area: float
     """Area it stands on [m²]."""
 
+    duration: NotRequired[float | None]
+    """Simulated time that it stands there [s]; until the snow has come to rest where there is none."""
+
 
 class ProbeBatch(TypedDict):
     """Loads to try on the snow."""
@@ -675,8 +713,8 @@ class ProbeView(TypedDict):
 
     sink_depth: float
     """
-    Present height of the column less its height once it has come to rest under the load, other
-    objects left out [m]. What the snow still settles by itself is counted.
+    Present height of the column less its height under the load, after its duration or once it has
+    come to rest, other objects left out [m]. What the snow still settles by itself is counted.
     """
 
     surface_hardness: float
@@ -706,6 +744,16 @@ class Problem(TypedDict):
 
     errors: list[FieldError]
     """Each part of the request that was wrong, the first hundred of them; may be empty."""
+
+
+class PutTerrainQuery(TypedDict):
+    """Put other ground under the snow"""
+
+    scale: NotRequired[float]
+    """Metres from one grey to the next, not 0; an image needs it, nothing else may have it."""
+
+    offset: NotRequired[float]
+    """Metres at grey 0 (an image only)."""
 
 
 class Readiness(TypedDict):
@@ -769,6 +817,49 @@ class Resume(TypedDict):
 
     epoch: str
     seq: int
+
+
+class SampleBatch(TypedDict):
+    """Points at which the snow is read."""
+
+    points: list[list[float]]
+    """The points, each [x, z] in metres, inside the grid."""
+
+    fields: NotRequired[list[SampleField]]
+    """What is wanted of each, nothing twice."""
+
+    load: NotRequired[Load | None]
+
+
+SampleField: TypeAlias = Literal["depth", "ground", "elevation", "normal", "density", "hardness", "sink"]
+
+
+class SampleFields(TypedDict):
+    """Fields of points, those that were asked for; each has a value for every point, in their order."""
+
+    depth: list[float] | None
+    """Snow depth [m], bilinear between the centres of columns."""
+
+    ground: list[float] | None
+    """Elevation of the ground [m], bilinear between the centres of columns."""
+
+    elevation: list[float] | None
+    """Elevation of the snow's surface [m]: ground and depth."""
+
+    normal: list[list[float]] | None
+    """Unit vectors (x, y, z) that stand on the surface; y is up."""
+
+    density: list[float | None] | None
+    """
+    Density [kg/m³] of the topmost cell of the column that the point is on; `null` where there is no
+    snow.
+    """
+
+    hardness: list[float | None] | None
+    """Hardness [Pa] of that cell; `null` where there is no snow."""
+
+    sink: list[float] | None
+    """Depth [m] that the load would sink there, as a probe tells."""
 
 
 Seq: TypeAlias = int
@@ -875,7 +966,9 @@ class SessionView(Settings):
     material: Material
     """Material constants."""
 
-    terrain: Terrain | None
+    terrain: bool
+    """Whether it was told a ground to lie on (`GET …/terrain`); without, the ground is level at 0."""
+
     state: State
     """What it is doing."""
 
@@ -1129,7 +1222,7 @@ class HeightView(Stamp):
 
 
 class HeightsView(Stamp):
-    """Snow depths of a region."""
+    """Heights of a region."""
 
     origin: Origin
     """First column."""
@@ -1147,7 +1240,7 @@ class HeightsView(Stamp):
     """Side of a column [m]."""
 
     heights: list[float]
-    """Snow depths [m], row by row: index = z · width + x."""
+    """Snow depths [m], or elevations where those are asked for, row by row: index = z · width + x."""
 
 
 class MassView(Stamp):
@@ -1174,6 +1267,13 @@ class ProbeReply(Stamp):
 
     probes: list[ProbeView]
     """What becomes of each load, in the order asked for."""
+
+
+class SampleReply(Stamp):
+    """Answer to samples."""
+
+    fields: SampleFields
+    """The fields asked for."""
 
 
 class SnowfallReply(Stamp):

@@ -1,0 +1,166 @@
+// The ground under the snow in a real browser, on a real server.
+
+import assert from "node:assert/strict";
+import { after, afterEach, before, test } from "node:test";
+import { Firn } from "../../clients/typescript/src/index.ts";
+import { type Server, startServer } from "../../clients/typescript/test/server.ts";
+import { hills } from "../src/terrain/hills.ts";
+import { colours, keep, launch, open } from "./browser.ts";
+import { greyPng } from "./png.ts";
+
+type Browser = Awaited<ReturnType<typeof launch>>;
+type Page = Awaited<ReturnType<typeof open>>["page"];
+
+let browser: Browser;
+let server: Server;
+let firn: Firn;
+
+before(async () => {
+  server = await startServer({ args: ["--backend", "cpu"] });
+  firn = new Firn(server.url);
+  browser = await launch();
+});
+
+after(async () => {
+  await browser?.close();
+  await server?.stop();
+});
+
+afterEach(async () => {
+  await Promise.all(browser.contexts().map((context) => context.close()));
+});
+
+const press = (page: Page, name: string) => page.getByRole("button", { name, exact: true }).click();
+const live = (page: Page) => page.locator(".connection[data-state=open]").waitFor();
+
+/** Opens the dialog and enters a grid, which begins paused. */
+async function dialogFor(page: Page, name: string, fields: Record<string, number>) {
+  await press(page, "New session");
+  const dialog = page.getByRole("dialog");
+  await dialog.getByLabel("Name").fill(name);
+  for (const [label, value] of Object.entries(fields)) await dialog.getByLabel(label).fill(String(value));
+  await dialog.getByLabel("Begin paused").check();
+  return dialog;
+}
+
+/** How much of the picture's height is background above what is drawn, in the left and in the right third of that. */
+async function skyline(page: Page): Promise<{ left: number; right: number }> {
+  const [columns, rows] = [60, 90];
+  const points = await colours(page, ".picture canvas", columns, rows);
+  const background = points[columns - 1] as number[];
+  const drawn = (point: number[]) => point.some((value, i) => Math.abs(value - (background[i] as number)) > 12);
+  const tops = Array.from({ length: columns }, (_, x) => {
+    const top = Array.from({ length: rows }, (_, z) => points[z * columns + x] as number[]).findIndex(drawn);
+    return top / rows;
+  }).filter((top) => top >= 0);
+  const third = Math.floor(tops.length / 3);
+  const highest = (part: number[]) => Math.min(...part, 1);
+  return { left: highest(tops.slice(0, third)), right: highest(tops.slice(-third)) };
+}
+
+/** Waits until the skyline is as wanted. */
+async function seen(page: Page, wanted: (skyline: { left: number; right: number }) => boolean): Promise<void> {
+  while (!wanted(await skyline(page))) await page.waitForTimeout(50);
+}
+
+/** A ramp along x, from black to white, of 16 bits. */
+function ramp(width: number, depth: number): number[] {
+  return Array.from({ length: width * depth }, (_, i) => Math.round((65_535 * (i % width)) / (width - 1)));
+}
+
+const file = (buffer: Buffer) => ({ name: "terrain.png", mimeType: "image/png", buffer });
+
+test("a session on hills: its ground, its surface, its cells, cut open", async () => {
+  const { page, complaints } = await open(browser, server.url);
+  const grid = { Width: 48, Depth: 40, Height: 12, Snow: 0.9 };
+  const dialog = await dialogFor(page, "hills", grid);
+  await dialog.getByLabel("Terrain").selectOption("Hills");
+  await dialog.getByLabel("Relief").fill("3.5");
+  await dialog.getByLabel("Seed").fill("7");
+  await keep(page, "create-hills");
+  await press(page, "Create");
+  await live(page);
+  const session = firn.session("hills");
+  assert.deepEqual((await session.terrain()).heights, hills(48, 40, 3.5, 7));
+  await page.getByText("From 0.0 to 3.5 m.").waitFor({ state: "attached" });
+  await page.waitForFunction(() => performance.getEntriesByName("first picture").length > 0);
+  await keep(page, "hills-surface");
+
+  await page.locator("[name=colour]").selectOption("position");
+  await page.locator(".legend").getByText("Position, m").waitFor();
+  const labels = await page.locator(".legend .labels span").allTextContents();
+  const highest = Number(labels.at(-1)?.replace(/[^\d.]/g, ""));
+  assert.ok(highest > 3.2 && highest < 4.7, `${highest}`);
+  await page.getByText("Cells", { exact: true }).click();
+  await page.waitForTimeout(1500);
+  await keep(page, "hills-cells");
+  await page.locator("[name=colour]").selectOption("density");
+  await page.locator("[name=cut]").selectOption("z");
+  await page.locator(".legend").getByText("Density").waitFor();
+  await page.waitForTimeout(1500);
+  await keep(page, "hills-cut");
+  await page.locator("[name=cut]").selectOption("y");
+  await page.waitForTimeout(1500);
+  await keep(page, "hills-cut-level");
+  assert.deepEqual(complaints, []);
+});
+
+test("a session on an image, whose size the grid takes over, and another image under the snow", async () => {
+  const { page, complaints } = await open(browser, server.url);
+  const dialog = await dialogFor(page, "ramp", { Height: 8, Snow: 0.4 });
+  await dialog.getByLabel("Terrain").selectOption("An image (PNG)");
+  await dialog.getByLabel("Image").setInputFiles(file(Buffer.from("not a picture, whatever its name says")));
+  await dialog.getByText("This file is no PNG.").waitFor();
+  await dialog.getByLabel("Image").setInputFiles(file(greyPng(36, 24, 16, ramp(36, 24))));
+  await dialog.getByText("36 × 24 pixels of 16 bits. The grid has 50 × 50 columns").waitFor();
+  await dialog.getByLabel("Black").fill("1200");
+  await dialog.getByLabel("White").fill("1206");
+  await press(page, "Create");
+  await dialog.getByRole("alert").getByText("The grid has 50 × 50 columns").waitFor();
+  await assert.rejects(firn.session("ramp").get(), { status: 404 });
+  await keep(page, "create-image");
+  await press(page, "Fit the grid to it");
+  await press(page, "Create");
+  await live(page);
+  const session = firn.session("ramp");
+  const { heights } = await session.terrain();
+  assert.equal(heights.length, 36 * 24);
+  for (const [x, metres] of [
+    [0, 1200],
+    [35, 1206],
+  ] as const)
+    assert.ok(Math.abs((heights[x] as number) - metres) < 1e-3);
+  await seen(page, ({ left, right }) => left - right > 0.15);
+  await keep(page, "ramp-surface");
+  await page.getByText("Cells", { exact: true }).click();
+  await page.waitForTimeout(1500);
+  await seen(page, ({ left, right }) => left - right > 0.15);
+  await keep(page, "ramp-cells");
+
+  await page.getByText("Terrain", { exact: true }).click();
+  await page.getByText("From 1200.0 to 1206.0 m.").waitFor();
+  const fall = ramp(36, 24).map((grey) => 255 - (grey >> 8));
+  await page.getByLabel("Image").setInputFiles(file(greyPng(36, 24, 8, fall)));
+  await page.getByLabel("Black").fill("0");
+  await page.getByLabel("White").fill("5");
+  await press(page, "Put under the snow");
+  await page.getByText("From 0.0 to 5.0 m.").waitFor();
+  await seen(page, ({ left, right }) => right - left > 0.1);
+  await page.getByText("Surface", { exact: true }).click();
+  await seen(page, ({ left, right }) => right - left > 0.1);
+  await keep(page, "ramp-turned");
+  assert.deepEqual(complaints, []);
+});
+
+test("ground that the server refuses is told in the dialog, and no session is left", async () => {
+  const { page } = await open(browser, server.url);
+  const dialog = await dialogFor(page, "abyss", { "Cell size": 0.02, Height: 8, Snow: 0.1 });
+  await dialog.getByLabel("Terrain").selectOption("Hills");
+  await dialog.getByLabel("Relief").fill("2000");
+  await press(page, "Create");
+  await dialog.getByRole("alert").getByText("elevations range over 2000 m").waitFor();
+  await assert.rejects(firn.session("abyss").get(), { status: 404 });
+  await dialog.getByLabel("Relief").fill("2");
+  await press(page, "Create");
+  await live(page);
+});
