@@ -38,7 +38,9 @@ async function dialogFor(page: Page, name: string, fields: Record<string, number
   await press(page, "New session");
   const dialog = page.getByRole("dialog");
   await dialog.getByLabel("Name").fill(name);
-  for (const [label, value] of Object.entries(fields)) await dialog.getByLabel(label).fill(String(value));
+  for (const [name, value] of Object.entries(fields)) {
+    await dialog.getByRole("spinbutton", { name }).fill(String(value));
+  }
   await dialog.getByLabel("Begin paused").check();
   return dialog;
 }
@@ -108,7 +110,7 @@ test("a session on hills: its ground, its surface, its cells, cut open", async (
 test("a session on an image, whose size the grid takes over, and another image under the snow", async () => {
   const { page, complaints } = await open(browser, server.url);
   const dialog = await dialogFor(page, "ramp", { Height: 8, Snow: 0.4 });
-  await dialog.getByLabel("Terrain").selectOption("An image (PNG)");
+  await dialog.getByLabel("Terrain").selectOption("A PNG");
   await dialog.getByLabel("Image").setInputFiles(file(Buffer.from("not a picture, whatever its name says")));
   await dialog.getByText("This file is no PNG.").waitFor();
   await dialog.getByLabel("Image").setInputFiles(file(greyPng(36, 24, 16, ramp(36, 24))));
@@ -141,8 +143,8 @@ test("a session on an image, whose size the grid takes over, and another image u
   await page.getByText("From 1200.0 to 1206.0 m.").waitFor();
   const fall = ramp(36, 24).map((grey) => 255 - (grey >> 8));
   await page.getByLabel("Image").setInputFiles(file(greyPng(36, 24, 8, fall)));
-  await page.getByLabel("Black").fill("0");
-  await page.getByLabel("White").fill("5");
+  await page.getByRole("spinbutton", { name: "Black" }).fill("0");
+  await page.getByRole("spinbutton", { name: "White" }).fill("5");
   await press(page, "Put under the snow");
   await page.getByText("From 0.0 to 5.0 m.").waitFor();
   await seen(page, ({ left, right }) => right - left > 0.1);

@@ -83,7 +83,7 @@ test("create a session, add snow, see it settle, delete the session", async () =
   await dialog.getByLabel("Name").fill("ridge");
   await dialog.getByLabel("Width").fill("24");
   await dialog.getByLabel("Depth").fill("24");
-  await dialog.getByLabel("Snow").fill("3");
+  await dialog.getByRole("spinbutton", { name: "Snow" }).fill("3");
   await dialog.getByLabel("Begin paused").check();
   await press(page, "Create");
   await live(page);

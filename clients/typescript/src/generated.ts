@@ -266,7 +266,7 @@ export interface components {
          */
         EventKind: "snowfall" | "clearing" | "settings" | "terrain" | "settled" | "reset";
         /** @description Something happened in the session, or a watch tells how it stands. */
-        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["PlainEvent"] | components["schemas"]["WatchEvent"];
+        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["TerrainEvent"] | components["schemas"]["PlainEvent"] | components["schemas"]["WatchEvent"];
         /**
          * @description Which events are wanted: all, none, or some kinds. Where it is not said: all under
          *     `firn.v1.json`, none under `firn.v1.bin`.
@@ -1064,6 +1064,19 @@ export interface components {
             /** @description Elevations [m] within ±20 000, row by row: index = z · width + x. */
             heights: number[];
         };
+        /** @description The snow lies on other ground. */
+        TerrainEvent: {
+            /** @constant */
+            op: "event";
+            /** @constant */
+            event: "terrain";
+            tick: components["schemas"]["Tick"];
+            seq: components["schemas"]["Seq"];
+            /** @description Lowest elevation of the ground [m]. */
+            lowest: number;
+            /** @description Highest elevation of the ground [m]. */
+            highest: number;
+        };
         /** @description Ticks since the session was created or reset. */
         Tick: number;
         Tile: {
@@ -1290,6 +1303,7 @@ export type StreamQuery = components['schemas']['StreamQuery'];
 export type SubscribeMessage = components['schemas']['SubscribeMessage'];
 export type Summary = components['schemas']['Summary'];
 export type Terrain = components['schemas']['Terrain'];
+export type TerrainEvent = components['schemas']['TerrainEvent'];
 export type Tick = components['schemas']['Tick'];
 export type Tile = components['schemas']['Tile'];
 export type TokensReply = components['schemas']['TokensReply'];

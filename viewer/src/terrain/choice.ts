@@ -33,7 +33,7 @@ export function terrainChoice(size: () => Size, follow: (size: Size) => void): T
     { name: "terrain", change: () => show() },
     h("option", { value: "flat" }, "Flat"),
     h("option", { value: "hills" }, "Hills"),
-    h("option", { value: "image" }, "An image (PNG)"),
+    h("option", { value: "image" }, "A PNG"),
   );
   const chosen = () => kind.value as keyof typeof parts;
   const show = () => {

@@ -1390,6 +1390,20 @@ class Terrain(TypedDict):
     """Elevations [m] within ±20 000, row by row: index = z · width + x."""
 
 
+class TerrainEvent(TypedDict):
+    """The snow lies on other ground."""
+
+    op: Literal["event"]
+    event: Literal["terrain"]
+    tick: Tick
+    seq: Seq
+    lowest: float
+    """Lowest elevation of the ground [m]."""
+
+    highest: float
+    """Highest elevation of the ground [m]."""
+
+
 Tick: TypeAlias = int
 
 
@@ -1503,7 +1517,7 @@ class WatchEvent(TypedDict):
     """Mean depth of the snow in the region [m]."""
 
 
-EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | PlainEvent | WatchEvent
+EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | TerrainEvent | PlainEvent | WatchEvent
 
 
 class WeakLayerView(TypedDict):
