@@ -166,3 +166,16 @@ test("ground that the server refuses is told in the dialog, and no session is le
   await press(page, "Create");
   await live(page);
 });
+
+test("on a phone the choice of terrain is no wider than the screen", async () => {
+  const options = { viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true };
+  const { page, complaints } = await open(browser, server.url, options);
+  const dialog = await dialogFor(page, "phone", {});
+  for (const kind of ["Hills", "A PNG"]) {
+    await dialog.getByLabel("Terrain").selectOption(kind);
+    assert.equal(await dialog.evaluate(({ scrollWidth, clientWidth }) => scrollWidth - clientWidth), 0, kind);
+    assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), 390, kind);
+  }
+  await keep(page, "phone-create");
+  assert.deepEqual(complaints, []);
+});

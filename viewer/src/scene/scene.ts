@@ -11,6 +11,8 @@ const STILL = 250;
 const [SLOW, FAST] = [30, 17.5];
 /** The camera comes as close as so many cells. */
 const CLOSEST = 30;
+/** The camera stays so far above the surface, as a part of the way to what it looks at. */
+const CLEARANCE = 0.1;
 /** Coarsest resolution, as a part of the screen's. */
 const COARSEST = 0.5;
 
@@ -87,15 +89,25 @@ export class Stage {
     this.redraw();
   }
 
-  /** From afar the picture is about the block's middle, the closer the more about the surface there, at an elevation [m]. */
-  aim(surface: number): void {
+  /**
+   * From afar the picture is about the block's middle, the closer the more about the surface there. The camera stays above the
+   * surface. `surfaceAt` tells its elevation [m] at a place; null beside the block.
+   */
+  aim(surfaceAt: (x: number, z: number) => number | null): void {
     const { middle, distance } = this.block;
-    const { camera, controls } = this;
-    const afar = Math.min(1, camera.position.distanceTo(controls.target) / distance);
-    const rise = surface + afar * (middle - surface) - controls.target.y;
-    controls.target.y += rise;
-    camera.position.y += rise;
+    const { target } = this.controls;
+    const { position } = this.camera;
+    const away = position.distanceTo(target);
+    const surface = surfaceAt(target.x, target.z) ?? middle;
+    const rise = surface + Math.min(1, away / distance) * (middle - surface) - target.y;
+    target.y += rise;
+    position.y = Math.max(position.y + rise, (surfaceAt(position.x, position.z) ?? 0) + CLEARANCE * away);
     this.setDepths();
+  }
+
+  /** Comes as close as a distance [m], or stays where it is closer. */
+  approach(distance: number): void {
+    this.turn(0, 0, Math.min(1, distance / this.camera.position.distanceTo(this.controls.target)));
   }
 
   /** Draws from close before the camera to behind the block. */

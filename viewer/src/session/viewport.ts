@@ -49,6 +49,8 @@ export class Viewport {
   private readonly stale = { surface: false, nearby: false, cubes: false };
   private framed = false;
   private relief = 0;
+  /** Whether cells were asked for and the camera may still be too far away to see any. */
+  private afar = false;
 
   constructor(canvas: HTMLCanvasElement, model: Model, look: Look, pictures: Pictures) {
     this.model = model;
@@ -134,7 +136,10 @@ export class Viewport {
       this.stage.redraw();
     });
     look.cut.watch(() => this.mark("cubes"));
-    look.shape.watch(() => this.mark("cubes"));
+    look.shape.watch((shape) => {
+      this.afar = shape === "cells";
+      this.mark("cubes");
+    });
     look.column.watch((column) => {
       this.stage.keepLeftFree(column ? PROFILE_WIDTH : 0);
       this.mark("surface");
@@ -197,6 +202,11 @@ export class Viewport {
     const cut = asCubes ? this.look.cut.get() : null;
     const plane = cut && picture ? planeOf(picture, cut, this.model.grid.cell_size) : null;
     if (asCubes) this.cubes.show(picture, plane);
+    if (asCubes && this.afar) {
+      const { width, depth } = picture.cells;
+      if (!picture.whole) this.stage.approach(2.5 * Math.max(width, depth) * this.model.grid.cell_size);
+      this.afar = false;
+    }
     this.bodies.cut(plane);
     this.cubes.solids.mesh.visible = asCubes;
     this.surface.group.visible = !asCubes;
@@ -254,7 +264,7 @@ export class Viewport {
     const size = this.model.grid.cell_size;
     const { x, z } = this.middle();
     const whole = this.whole();
-    if (whole && this.framed) this.stage.aim(elevationIn(whole, x, z));
+    if (whole && this.framed) this.stage.aim((x, z) => (covers(whole.field, x, z) ? elevationIn(whole, x, z) : null));
     this.model.lookAt(x / size, z / size);
     this.pictures.lookAt(x / size, z / size);
   }
