@@ -45,24 +45,44 @@ async function dialogFor(page: Page, name: string, fields: Record<string, number
   return dialog;
 }
 
-/** How much of the picture's height is background above what is drawn, in the left and in the right third of that. */
-async function skyline(page: Page): Promise<{ left: number; right: number }> {
+/** What a picture shows, in parts of its height from above. */
+interface Sight {
+  /** Highest place in the left and in the right third of what is drawn, and the lowest of all. */
+  left: number;
+  right: number;
+  bottom: number;
+  /** Whether it shows cells: the ground under them is lighter than the one under the surface. */
+  cells: boolean;
+}
+
+async function look(page: Page): Promise<Sight> {
   const [columns, rows] = [60, 90];
   const points = await colours(page, ".picture canvas", columns, rows);
   const background = points[columns - 1] as number[];
   const drawn = (point: number[]) => point.some((value, i) => Math.abs(value - (background[i] as number)) > 12);
-  const tops = Array.from({ length: columns }, (_, x) => {
-    const top = Array.from({ length: rows }, (_, z) => points[z * columns + x] as number[]).findIndex(drawn);
-    return top / rows;
-  }).filter((top) => top >= 0);
-  const third = Math.floor(tops.length / 3);
-  const highest = (part: number[]) => Math.min(...part, 1);
-  return { left: highest(tops.slice(0, third)), right: highest(tops.slice(-third)) };
+  // The legend lies over the lower left corner.
+  const legend = (x: number, z: number) => x < 0.36 * columns && z > 0.8 * rows;
+  const ends = Array.from({ length: columns }, (_, x) => {
+    const column = Array.from({ length: rows }, (_, z) => !legend(x, z) && drawn(points[z * columns + x] as number[]));
+    return [column.indexOf(true) / rows, column.lastIndexOf(true) / rows] as const;
+  }).filter(([top]) => top >= 0);
+  const third = Math.floor(ends.length / 3);
+  const highest = (part: typeof ends) => Math.min(...part.map(([top]) => top), 1);
+  return {
+    left: highest(ends.slice(0, third)),
+    right: highest(ends.slice(-third)),
+    bottom: Math.max(...ends.map(([, bottom]) => bottom), 0),
+    cells: points.some(([r = 0, g = 0, b = 0]) => r > 105 && r < 165 && r - b > 10 && r > g && g > b),
+  };
 }
 
-/** Waits until the skyline is as wanted. */
-async function seen(page: Page, wanted: (skyline: { left: number; right: number }) => boolean): Promise<void> {
-  while (!wanted(await skyline(page))) await page.waitForTimeout(50);
+/** Waits until the picture is as wanted. */
+async function seen(page: Page, wanted: (sight: Sight) => boolean): Promise<Sight> {
+  for (;;) {
+    const sight = await look(page);
+    if (wanted(sight)) return sight;
+    await page.waitForTimeout(50);
+  }
 }
 
 /** A ramp along x, from black to white, of 16 bits. */
@@ -94,15 +114,14 @@ test("a session on hills: its ground, its surface, its cells, cut open", async (
   const highest = Number(labels.at(-1)?.replace(/[^\d.]/g, ""));
   assert.ok(highest > 3.2 && highest < 4.7, `${highest}`);
   await page.getByText("Cells", { exact: true }).click();
-  await page.waitForTimeout(1500);
+  const whole = await seen(page, ({ cells }) => cells);
   await keep(page, "hills-cells");
-  await page.locator("[name=colour]").selectOption("density");
   await page.locator("[name=cut]").selectOption("z");
-  await page.locator(".legend").getByText("Density").waitFor();
-  await page.waitForTimeout(1500);
+  await seen(page, ({ bottom }) => bottom < whole.bottom - 0.05);
   await keep(page, "hills-cut");
   await page.locator("[name=cut]").selectOption("y");
-  await page.waitForTimeout(1500);
+  await page.getByLabel("Place of the cut").fill("0.2");
+  await seen(page, ({ left }) => left > whole.left + 0.05);
   await keep(page, "hills-cut-level");
   assert.deepEqual(complaints, []);
 });
@@ -135,8 +154,7 @@ test("a session on an image, whose size the grid takes over, and another image u
   await seen(page, ({ left, right }) => left - right > 0.15);
   await keep(page, "ramp-surface");
   await page.getByText("Cells", { exact: true }).click();
-  await page.waitForTimeout(1500);
-  await seen(page, ({ left, right }) => left - right > 0.15);
+  await seen(page, ({ cells, left, right }) => cells && left - right > 0.15);
   await keep(page, "ramp-cells");
 
   await page.getByText("Terrain", { exact: true }).click();

@@ -70,8 +70,9 @@ test("the dialog shows what a preset fills in, and the server fills in the same"
     const { name: _, air_temperature: shown, ...values } = snow;
     assert.deepEqual({ ...material, ...values }, material);
     assert.equal(air_temperature, shown);
-    await firn.session(preset).delete();
     await page.getByRole("link", { name: "Firn" }).click();
+    await page.getByRole("button", { name: "New session" }).waitFor();
+    await firn.session(preset).delete();
   }
   assert.deepEqual(complaints, []);
 });
