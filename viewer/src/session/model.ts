@@ -36,7 +36,7 @@ export class Model {
   readonly overview = new Value<Change | null>(null);
   /** Heights of every column around the middle of the picture, where the overview is coarse. */
   readonly detail = new Value<Change | null>(null);
-  /** The ground under each column of a region, the one of `detail` or where that is about to be. */
+  /** The ground under each column of a region: that of `detail`, or the one that `detail` is about to show. */
   readonly near = new Value<{ region: ColumnRegion; heights: Float32Array | null } | null>(null);
   private readonly stream: Stream;
   private readonly closely: Subscription | null = null;
@@ -77,7 +77,7 @@ export class Model {
     if (!this.closely || far < DETAIL / 4 || (next.column_x === x && next.column_z === z)) return;
     this.nearRegion = next;
     this.closely.update(next);
-    this.layNear();
+    this.layNear().catch(() => this.layLater());
   }
 
   /** Asks for the totals, now and from then on. */
@@ -102,8 +102,14 @@ export class Model {
       this.ground.set(ground);
       await this.layNear();
     } catch {
-      if (turn === this.laid && !this.ended) window.setTimeout(() => turn === this.laid && this.lay(), TOTALS);
+      if (turn === this.laid) this.layLater();
     }
+  }
+
+  /** Asks for the ground once more after it could not be had. */
+  private layLater(): void {
+    const turn = this.laid;
+    window.setTimeout(() => turn === this.laid && !this.ended && this.lay(), TOTALS);
   }
 
   /** Asks for the ground under what is watched closely. */
