@@ -14,8 +14,8 @@ export interface Field {
   diverging?: boolean;
   /** The shortest range that the colours are spread over. */
   leastRange: number;
-  /** Values of all cells; NaN outside the snow. `elevation` [m] is that of a cell's middle. */
-  values(cells: Cells, elevation: (y: number) => number): Float32Array;
+  /** Values of all cells; NaN outside the snow. `elevation` [m] is that of the middle of a column's cell. */
+  values(cells: Cells, elevation: (column: number, y: number) => number): Float32Array;
 }
 
 const plain = (name: "density" | "temperature" | "hardness") => (cells: Cells) =>
@@ -74,9 +74,11 @@ export const fields = {
     colours: cividis.split(" "),
     leastRange: 0.1,
     values: ({ width, height, content, origin }, elevation) =>
-      Float32Array.from(content, (what, i) =>
-        what === "snow" ? elevation(origin.cell_y + (Math.floor(i / width) % height)) : Number.NaN,
-      ),
+      Float32Array.from(content, (what, i) => {
+        const row = Math.floor(i / width);
+        const column = Math.floor(row / height) * width + (i % width);
+        return what === "snow" ? elevation(column, origin.cell_y + (row % height)) : Number.NaN;
+      }),
   },
 } satisfies Record<string, Field>;
 

@@ -70,8 +70,9 @@ test("the dialog shows what a preset fills in, and the server fills in the same"
     const { name: _, air_temperature: shown, ...values } = snow;
     assert.deepEqual({ ...material, ...values }, material);
     assert.equal(air_temperature, shown);
-    await firn.session(preset).delete();
     await page.getByRole("link", { name: "Firn" }).click();
+    await page.getByRole("button", { name: "New session" }).waitFor();
+    await firn.session(preset).delete();
   }
   assert.deepEqual(complaints, []);
 });
@@ -83,7 +84,7 @@ test("create a session, add snow, see it settle, delete the session", async () =
   await dialog.getByLabel("Name").fill("ridge");
   await dialog.getByLabel("Width").fill("24");
   await dialog.getByLabel("Depth").fill("24");
-  await dialog.getByLabel("Snow").fill("3");
+  await dialog.getByRole("spinbutton", { name: "Snow" }).fill("3");
   await dialog.getByLabel("Begin paused").check();
   await press(page, "Create");
   await live(page);

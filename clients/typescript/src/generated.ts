@@ -57,7 +57,7 @@ export interface components {
             column_x: number;
             /** @description Along z. */
             column_z: number;
-            /** @description Along y, from the lowest ground up. */
+            /** @description Along y, from what `reference` says up. */
             cell_y: number;
         };
         /** @description A box of the fixed grid. Arrays have x fastest, then y, then z. */
@@ -266,9 +266,9 @@ export interface components {
          * @description A kind of events that a subscription can choose.
          * @enum {unknown}
          */
-        EventKind: "snowfall" | "clearing" | "settings" | "settled" | "reset";
+        EventKind: "snowfall" | "clearing" | "settings" | "terrain" | "settled" | "reset";
         /** @description Something happened in the session, or a watch tells how it stands. */
-        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["PlainEvent"] | components["schemas"]["WatchEvent"];
+        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["TerrainEvent"] | components["schemas"]["PlainEvent"] | components["schemas"]["WatchEvent"];
         /**
          * @description Which events are wanted: all, none, or some kinds. Where it is not said: all under
          *     `firn.v1.json`, none under `firn.v1.bin`.
@@ -287,13 +287,18 @@ export interface components {
             column_x?: number;
             /** @description First column along z. */
             column_z?: number;
-            /** @description First cell along y; 0 stands on the lowest ground. */
+            /**
+             * @description What cells along y are counted from: the lowest ground of the session, or the ground of each column.
+             * @enum {string}
+             */
+            reference?: "lowest" | "ground";
+            /** @description First cell along y; 0 stands on what is counted from. */
             cell_y?: number;
             /** @description Cells along x; up to the grid's edge where there is none. */
             width?: number;
             /** @description Cells along z; up to the grid's edge where there is none. */
             depth?: number;
-            /** @description Cells along y; up to the grid's height on the highest ground where there is none. */
+            /** @description Cells along y; up to the grid's height, on the highest ground, where there is none. */
             height?: number;
             /** @description Names of fields, separated by commas. */
             fields?: string;
@@ -391,6 +396,19 @@ export interface components {
              */
             background?: "light" | "dark" | "transparent";
         };
+        /** @description Read the ground */
+        GetTerrainQuery: {
+            /** @description First column along x. */
+            column_x?: number;
+            /** @description First column along z. */
+            column_z?: number;
+            /** @description Samples along x; up to the grid's edge where there is none. */
+            width?: number;
+            /** @description Samples along z; up to the grid's edge where there is none. */
+            depth?: number;
+            /** @description Columns from one sample to the next: 1, 2, 4 or 8. */
+            stride?: number;
+        };
         /** @description Size of a snowpack: columns along x and z, slots along y. */
         Grid: {
             /** @description Columns along x. */
@@ -447,7 +465,7 @@ export interface components {
              */
             more?: true;
         };
-        /** @description Snow depths of a region. */
+        /** @description Heights of a region. */
         HeightsView: components["schemas"]["Stamp"] & {
             /** @description First column. */
             origin: components["schemas"]["Origin"];
@@ -459,7 +477,7 @@ export interface components {
             stride: number;
             /** @description Side of a column [m]. */
             cell_size: number;
-            /** @description Snow depths [m], row by row: index = z · width + x. */
+            /** @description Snow depths [m], or elevations where those are asked for, row by row: index = z · width + x. */
             heights: number[];
         };
         /** @description The client's own number, repeated in the answer. */
@@ -678,12 +696,12 @@ export interface components {
             /** @description Each part of the request that was wrong, the first hundred of them; may be empty. */
             errors: components["schemas"]["FieldError"][];
         };
-        /** @description How far a step has come. */
-        Progress: {
-            /** @description Ticks it has taken. */
-            done: number;
-            /** @description Ticks it takes at the most. */
-            of: number;
+        /** @description Put other ground under the snow */
+        PutTerrainQuery: {
+            /** @description Metres from one grey to the next, not 0; an image needs it, nothing else may have it. */
+            scale?: number;
+            /** @description Metres at grey 0 (an image only). */
+            offset?: number;
         };
         /** @description Answer to `GET /readyz`. */
         Readiness: {
@@ -725,6 +743,44 @@ export interface components {
             width: number;
             /** @description Extent along z [m]. */
             depth: number;
+        };
+        /** @description Points at which the snow is read. */
+        SampleBatch: {
+            /** @description The points, each [x, z] in metres, inside the grid. */
+            points: number[][];
+            /** @description What is wanted of each, nothing twice. */
+            fields?: components["schemas"]["SampleField"][];
+            load?: components["schemas"]["Load"] | null;
+        };
+        /**
+         * @description Something that is wanted of a point.
+         * @enum {string}
+         */
+        SampleField: "depth" | "ground" | "elevation" | "normal" | "density" | "hardness" | "sink";
+        /** @description Fields of points, those that were asked for; each has a value for every point, in their order. */
+        SampleFields: {
+            /** @description Snow depth [m], bilinear between the centres of columns. */
+            depth: number[] | null;
+            /** @description Elevation of the ground [m], bilinear between the centres of columns. */
+            ground: number[] | null;
+            /** @description Elevation of the snow's surface [m]: ground and depth. */
+            elevation: number[] | null;
+            /** @description Unit vectors (x, y, z) that stand on the surface; y is up. */
+            normal: number[][] | null;
+            /**
+             * @description Density [kg/m³] of the topmost cell of the column that the point is on; `null` where there is no
+             *     snow.
+             */
+            density: (number | null)[] | null;
+            /** @description Hardness [Pa] of that cell; `null` where there is no snow. */
+            hardness: (number | null)[] | null;
+            /** @description Depth [m] that the load would sink there, as a probe tells. */
+            sink: number[] | null;
+        };
+        /** @description Answer to samples. */
+        SampleReply: components["schemas"]["Stamp"] & {
+            /** @description The fields asked for. */
+            fields: components["schemas"]["SampleFields"];
         };
         /**
          * @description Number of the newest published change. It only grows, by how much depends on what else the server does; it may exceed
@@ -769,7 +825,8 @@ export interface components {
             grid: components["schemas"]["Grid"];
             /** @description Material constants. */
             material: components["schemas"]["Material"];
-            terrain: components["schemas"]["Terrain"] | null;
+            /** @description Whether it was told a ground to lie on (`GET …/terrain`); without, the ground is level at 0. */
+            terrain: boolean;
             /** @description What it is doing. */
             state: components["schemas"]["State"];
             progress: components["schemas"]["Progress"] | null;
@@ -1031,6 +1088,19 @@ export interface components {
             /** @description Elevations [m] within ±20 000, row by row: index = z · width + x. */
             heights: number[];
         };
+        /** @description The snow lies on other ground. */
+        TerrainEvent: {
+            /** @constant */
+            op: "event";
+            /** @constant */
+            event: "terrain";
+            tick: components["schemas"]["Tick"];
+            seq: components["schemas"]["Seq"];
+            /** @description Lowest elevation of the ground [m]. */
+            lowest: number;
+            /** @description Highest elevation of the ground [m]. */
+            highest: number;
+        };
         /** @description Ticks since the session was created or reset. */
         Tick: number;
         Tile: {
@@ -1198,6 +1268,7 @@ export type GetHeightQuery = components['schemas']['GetHeightQuery'];
 export type GetHeightsQuery = components['schemas']['GetHeightsQuery'];
 export type GetProfileQuery = components['schemas']['GetProfileQuery'];
 export type GetRenderQuery = components['schemas']['GetRenderQuery'];
+export type GetTerrainQuery = components['schemas']['GetTerrainQuery'];
 export type Grid = components['schemas']['Grid'];
 export type GridSpec = components['schemas']['GridSpec'];
 export type HardnessLaw = components['schemas']['HardnessLaw'];
@@ -1228,7 +1299,7 @@ export type ProbeReply = components['schemas']['ProbeReply'];
 export type ProbeView = components['schemas']['ProbeView'];
 export type ProbesMessage = components['schemas']['ProbesMessage'];
 export type Problem = components['schemas']['Problem'];
-export type Progress = components['schemas']['Progress'];
+export type PutTerrainQuery = components['schemas']['PutTerrainQuery'];
 export type Readiness = components['schemas']['Readiness'];
 export type ReadyStatus = components['schemas']['ReadyStatus'];
 export type Region = components['schemas']['Region'];
@@ -1236,7 +1307,6 @@ export type SampleBatch = components['schemas']['SampleBatch'];
 export type SampleField = components['schemas']['SampleField'];
 export type SampleFields = components['schemas']['SampleFields'];
 export type SampleReply = components['schemas']['SampleReply'];
-export type SamplesMessage = components['schemas']['SamplesMessage'];
 export type Seq = components['schemas']['Seq'];
 export type SessionSpec = components['schemas']['SessionSpec'];
 export type SessionView = components['schemas']['SessionView'];
@@ -1259,6 +1329,7 @@ export type StreamQuery = components['schemas']['StreamQuery'];
 export type SubscribeMessage = components['schemas']['SubscribeMessage'];
 export type Summary = components['schemas']['Summary'];
 export type Terrain = components['schemas']['Terrain'];
+export type TerrainEvent = components['schemas']['TerrainEvent'];
 export type Tick = components['schemas']['Tick'];
 export type Tile = components['schemas']['Tile'];
 export type TokensReply = components['schemas']['TokensReply'];

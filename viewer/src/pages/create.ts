@@ -4,6 +4,7 @@ import type { CreatedSession, Preset, SessionSpec } from "firn-client";
 import { h, numberField } from "../dom.ts";
 import { describe, presets } from "../presets.ts";
 import { explain, server } from "../server.ts";
+import { terrainChoice } from "../terrain/choice.ts";
 
 /** Opens it; a session that was created is shown at once. */
 export function createDialog(): void {
@@ -47,6 +48,16 @@ export function createDialog(): void {
     air.valueAsNumber = snow.air_temperature;
   };
   fill();
+  const sizes = [width, depth];
+  const terrain = terrainChoice(
+    () => ({ width: width.valueAsNumber, depth: depth.valueAsNumber }),
+    (size) => {
+      [width.valueAsNumber, depth.valueAsNumber] = [size.width, size.depth];
+      terrain.check();
+    },
+  );
+  for (const input of sizes) input.addEventListener("input", () => terrain.check());
+  const button = h("button", { class: "primary" }, "Create");
   const paused = h("input", { type: "checkbox" });
   const problem = h("p", { class: "problem", role: "alert" });
 
@@ -63,16 +74,32 @@ export function createDialog(): void {
     paused: paused.checked,
     initial_snow: snow.valueAsNumber > 0 ? [{ depth: snow.valueAsNumber }] : [],
   });
+  /** Creates the session on its ground, or none. */
+  const create = async (): Promise<CreatedSession> => {
+    const lay = terrain.read();
+    const created = await server().createSession(spec());
+    const session = server().session(created.id);
+    try {
+      await lay?.(session);
+    } catch (error) {
+      await session.delete().catch(() => {});
+      throw error;
+    }
+    return created;
+  };
   const submit = async (event: SubmitEvent) => {
     event.preventDefault();
     problem.textContent = "";
+    button.disabled = true;
     try {
-      const created = await server().createSession(spec());
+      const created = await create();
       const { auth } = await server().readiness();
       if (auth === "open") leave(created.id);
       else showTokens(created);
     } catch (error) {
       problem.textContent = explain(error);
+    } finally {
+      button.disabled = false;
     }
   };
   const leave = (id: string) => {
@@ -103,14 +130,10 @@ export function createDialog(): void {
     h("label", { class: "field wide" }, h("span", {}, "Kind of snow"), kind),
     filled,
     h("div", { class: "pairs" }, widthField, depthField, heightField, cellField, snowField, airField),
+    terrain.element,
     h("label", { class: "check" }, paused, "Begin paused"),
     problem,
-    h(
-      "div",
-      { class: "buttons" },
-      h("button", { type: "button", click: () => dialog.close() }, "Cancel"),
-      h("button", { class: "primary" }, "Create"),
-    ),
+    h("div", { class: "buttons" }, h("button", { type: "button", click: () => dialog.close() }, "Cancel"), button),
   );
   const dialog = h("dialog", { class: "dialog", "aria-label": "New session", close: () => dialog.remove() }, form);
   document.body.append(dialog);

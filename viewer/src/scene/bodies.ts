@@ -29,18 +29,23 @@ export class Bodies {
   private readonly boxes = new Solids(new BoxGeometry(1, 1, 1), false);
   private readonly disks = new Solids(new CylinderGeometry(0.5, 0.5, 1, 40), false);
   private bodies = new Map<string, Body>();
-  private readonly base: number;
+  private base = 0;
   private chosen: string | null = null;
   private plane: Plane | null = null;
 
-  /** `base` is the elevation [m] that is drawn at 0. */
-  constructor(base: number) {
-    this.base = base;
+  constructor() {
     const map = new DataTexture(new Uint8Array([178, 102, 68, 255, 236, 168, 66, 255]), 2, 1);
     map.needsUpdate = true;
     this.boxes.map = map;
     this.disks.map = map;
     this.group.add(this.boxes.mesh, this.disks.mesh);
+  }
+
+  /** Has an elevation [m] drawn at 0. */
+  drawFrom(base: number): void {
+    for (const { at } of this.bodies.values()) at[1] += this.base - base;
+    this.base = base;
+    this.draw();
   }
 
   /** Takes over the objects as they are now. */

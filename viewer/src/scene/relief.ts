@@ -149,12 +149,9 @@ const AROUND = [1, 3].flatMap((far) => {
   return [...straight, ...across];
 });
 
-/** Elevation of the ground at a sample of a field [m]. */
+/** Elevation of the ground at a sample of a field [m]. `ground` has one for each sample; null is level ground. */
 export function groundAt(field: HeightField, ground: Float32Array | null, sampleX: number, sampleZ: number): number {
-  if (!ground) return 0;
-  const x = field.column_x + sampleX * field.stride;
-  const z = field.column_z + sampleZ * field.stride;
-  return ground[z * field.grid.width + x] as number;
+  return ground ? (ground[sampleZ * field.width + sampleX] as number) : 0;
 }
 
 /** The edge of the region, the middles of the sampled columns, and the other edge. */

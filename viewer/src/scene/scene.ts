@@ -9,6 +9,10 @@ import type { Ray } from "./ray.ts";
 const STILL = 250;
 /** Frames longer than the first [ms] make the picture coarser, shorter than the second finer. */
 const [SLOW, FAST] = [30, 17.5];
+/** The camera comes as close as so many cells. */
+const CLOSEST = 30;
+/** The camera stays so far above the surface, as a part of the way to what it looks at. */
+const CLEARANCE = 0.1;
 /** Coarsest resolution, as a part of the screen's. */
 const COARSEST = 0.5;
 
@@ -38,6 +42,8 @@ export class Stage {
   private running = 0;
   private lastDrawn = 0;
   private refined = true;
+  /** The middle of the block, and how far away all of it is in view [m]. */
+  private block = { middle: 0, distance: 1 };
   private frames = 0;
 
   constructor(canvas: HTMLCanvasElement, play: Play) {
@@ -67,21 +73,48 @@ export class Stage {
     this.fresh = true;
   }
 
-  /** Looks at a block from the front, above the left corner: all of it in view. */
-  frameBlock(size: Vector3): void {
+  /** Looks at a block from the front, above the left corner: all of it in view. Its cells [m] can be seen from close by. */
+  frameBlock(size: Vector3, cell: number): void {
     const middle = new Vector3(size.x / 2, size.y / 2, size.z / 2);
     const radius = size.length() / 2;
     const narrow = Math.min(1, this.camera.aspect);
     const distance = (radius / Math.sin((this.camera.fov * Math.PI) / 360) / narrow) * 1.06;
     this.controls.target.copy(middle);
-    this.controls.minDistance = 0.15 * radius;
+    this.controls.minDistance = Math.min(0.15 * radius, CLOSEST * cell);
     this.controls.maxDistance = 4 * distance;
-    this.camera.near = distance / 200;
-    this.camera.far = distance * 10;
+    this.block = { middle: middle.y, distance };
     this.camera.position.copy(middle).addScaledVector(new Vector3(0.48, 0.5, 0.82).normalize(), distance);
-    this.camera.updateProjectionMatrix();
+    this.setDepths();
     this.controls.update();
     this.redraw();
+  }
+
+  /**
+   * From afar the picture is about the block's middle, the closer the more about the surface there. The camera stays above the
+   * surface. `surfaceAt` tells its elevation [m] at a place; null beside the block.
+   */
+  aim(surfaceAt: (x: number, z: number) => number | null): void {
+    const { middle, distance } = this.block;
+    const { target } = this.controls;
+    const { position } = this.camera;
+    const away = position.distanceTo(target);
+    const surface = surfaceAt(target.x, target.z) ?? middle;
+    const rise = surface + Math.min(1, away / distance) * (middle - surface) - target.y;
+    target.y += rise;
+    position.y = Math.max(position.y + rise, (surfaceAt(position.x, position.z) ?? 0) + CLEARANCE * away);
+    this.setDepths();
+  }
+
+  /** Comes as close as a distance [m], or stays where it is closer. */
+  approach(distance: number): void {
+    this.turn(0, 0, Math.min(1, distance / this.camera.position.distanceTo(this.controls.target)));
+  }
+
+  /** Draws from close before the camera to behind the block. */
+  private setDepths(): void {
+    this.camera.near = this.camera.position.distanceTo(this.controls.target) / 100;
+    this.camera.far = this.block.distance * 10;
+    this.camera.updateProjectionMatrix();
   }
 
   /** Shows everything beside what covers so much of the left side [px]. */

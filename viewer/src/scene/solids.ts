@@ -46,7 +46,8 @@ const fragmentShader = /* glsl */ `
     vec3 colour = texture(map, vec2(clamp(vValue, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
     if (vValue > 1.5) colour = ${snowColour};
     if (vValue < -0.5) colour = ground;
-    colour *= 1.0 - 0.2 * outlined * edge();
+    // The ground is one body.
+    colour *= 1.0 - 0.2 * outlined * edge() * step(-0.5, vValue);
     vec3 shaded = lighted(colour, normalize(vNormal), 1.0, 1.0);
     gl_FragColor = vec4(mix(shaded, colour, flatness), 1.0);
   }

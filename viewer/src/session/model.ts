@@ -12,6 +12,7 @@ import type {
   StreamState,
   Subscription,
 } from "firn-client";
+import { Ground, isSame } from "./ground.ts";
 import { Value } from "./value.ts";
 
 /** At most so many samples along a side are watched of the whole grid. */
@@ -25,10 +26,8 @@ const TOTALS = 1000;
 export class Model {
   readonly session: Session;
   readonly grid: Grid;
-  /** Elevation of the lowest ground [m]. Pictures begin there. */
-  readonly base: number;
-  /** Elevation of the ground above the lowest [m]; null where it is level. */
-  readonly ground: Float32Array | null;
+  /** The ground under the snow; null until it is known. */
+  readonly ground: Value<Ground | null>;
   /** Settings, clock and totals. */
   readonly view: Value<SessionView>;
   readonly state = new Value<StreamState>({ name: "connecting" });
@@ -37,23 +36,25 @@ export class Model {
   readonly overview = new Value<Change | null>(null);
   /** Heights of every column around the middle of the picture, where the overview is coarse. */
   readonly detail = new Value<Change | null>(null);
+  /** The ground under each column of a region: that of `detail`, or the one that `detail` is about to show. */
+  readonly near = new Value<{ region: ColumnRegion; heights: Float32Array | null } | null>(null);
   private readonly stream: Stream;
-  private readonly near: Subscription | null = null;
+  private readonly closely: Subscription | null = null;
   private nearRegion: ColumnRegion;
   private timer = 0;
+  /** How often the ground was asked for: of several answers only the last counts. */
+  private laid = 0;
   private ended = false;
 
   constructor(session: Session, view: SessionView) {
     this.session = session;
     this.grid = view.grid;
     this.view = new Value(view);
-    const heights = view.terrain?.heights;
-    this.base = heights ? heights.reduce((low, height) => Math.min(low, height)) : 0;
-    this.ground = heights ? Float32Array.from(heights, (height) => height - this.base) : null;
+    this.ground = new Value(view.terrain ? null : new Ground(session, null));
     this.stream = session.stream({
       onState: (state) => this.state.set(state),
-      onEvent: () => this.refresh(),
-      onWelcome: () => this.refresh(),
+      onEvent: ({ event }) => (event === "terrain" || event === "reset" ? this.lay() : this.refresh()),
+      onWelcome: () => this.lay(),
     });
     const stride = overviewStride(view.grid);
     this.stream.subscribe({ stride, colliders: true }, (change) => {
@@ -64,7 +65,7 @@ export class Model {
     if (stride > 1) {
       // Until all of a new region has come, the old one is shown.
       const show = (change: Change) => change.field.complete && this.detail.set(change);
-      this.near = this.stream.subscribe({ region: this.nearRegion }, show);
+      this.closely = this.stream.subscribe({ region: this.nearRegion }, show);
     }
   }
 
@@ -73,9 +74,10 @@ export class Model {
     const { column_x: x, column_z: z, width, depth } = this.nearRegion;
     const far = Math.max(Math.abs(column_x - x - width / 2), Math.abs(column_z - z - depth / 2));
     const next = around(this.grid, column_x, column_z);
-    if (!this.near || far < DETAIL / 4 || (next.column_x === x && next.column_z === z)) return;
+    if (!this.closely || far < DETAIL / 4 || (next.column_x === x && next.column_z === z)) return;
     this.nearRegion = next;
-    this.near.update(next);
+    this.closely.update(next);
+    this.layNear().catch(() => this.layLater());
   }
 
   /** Asks for the totals, now and from then on. */
@@ -86,6 +88,36 @@ export class Model {
     if (view) this.view.set(view);
     clearTimeout(this.timer);
     if (!this.ended) this.timer = window.setTimeout(() => this.refresh(), document.hidden ? 10 * TOTALS : TOTALS);
+  }
+
+  /** Asks for the ground, and the totals. */
+  private async lay(): Promise<void> {
+    const turn = ++this.laid;
+    await this.refresh();
+    const stride = overviewStride(this.grid);
+    const terrain = this.view.get().terrain ? this.session.terrain({ stride }) : { heights: null };
+    try {
+      const ground = new Ground(this.session, (await terrain).heights);
+      if (turn !== this.laid || this.ended) return;
+      this.ground.set(ground);
+      await this.layNear();
+    } catch {
+      if (turn === this.laid) this.layLater();
+    }
+  }
+
+  /** Asks for the ground once more after it could not be had. */
+  private layLater(): void {
+    const turn = this.laid;
+    window.setTimeout(() => turn === this.laid && !this.ended && this.lay(), TOTALS);
+  }
+
+  /** Asks for the ground under what is watched closely. */
+  private async layNear(): Promise<void> {
+    const [ground, region] = [this.ground.get(), this.nearRegion];
+    if (!this.closely || !ground) return;
+    const heights = await ground.under(region);
+    if (ground === this.ground.get() && isSame(region, this.nearRegion)) this.near.set({ region, heights });
   }
 
   /** Puts or moves an object by the stream, which is quicker than a request each. */

@@ -2,6 +2,7 @@
 
 import type { Cells, ColumnRegion } from "firn-client";
 import { type Field, fields, type Range, rangeOf } from "../fields.ts";
+import type { Ground } from "./ground.ts";
 import type { Look } from "./look.ts";
 import type { Model } from "./model.ts";
 import { Value } from "./value.ts";
@@ -14,6 +15,8 @@ const LEAST_PAUSE = 400;
 /** Cells and what their colours show. */
 export interface Picture {
   cells: Cells;
+  /** Ground under their columns above the lowest of the session [m], row by row; null where all is level. */
+  ground: Float32Array | null;
   /** Null where they are white. */
   field: Field | null;
   /** Values of the field, cell by cell; NaN outside the snow. */
@@ -49,6 +52,7 @@ export class Pictures {
     look.shape.watch(again);
     look.colour.watch(again);
     model.overview.watch(() => this.ask());
+    model.ground.watch(() => this.ask());
   }
 
   /** The column in the middle of the picture. */
@@ -68,12 +72,13 @@ export class Pictures {
   /** Fetches soon; whatever changes meanwhile is fetched next time. */
   private ask(): void {
     const needed = this.look.shape.get() === "cells" || this.look.colour.get() !== "white";
+    const ground = this.model.ground.get();
     this.stale = needed;
     if (!needed) this.picture.set(null);
-    else if (!this.fetching && this.timer === 0) this.fetch();
+    else if (!this.fetching && this.timer === 0 && ground) this.fetch(ground);
   }
 
-  private async fetch(): Promise<void> {
+  private async fetch(ground: Ground): Promise<void> {
     const begin = performance.now();
     const colour = this.look.colour.get();
     const field: Field | null = colour === "white" ? null : fields[colour];
@@ -82,12 +87,11 @@ export class Pictures {
     this.fetching = fetching;
     this.stale = false;
     try {
-      const query = { ...region, fields: [...(field?.needs ?? []), "fill"] };
-      const cells = await this.model.session.cells(query, fetching.signal);
+      const query = { ...region, reference: "ground" as const, fields: [...(field?.needs ?? []), "fill"] };
+      const asked = this.model.session.cells(query, fetching.signal);
+      const [cells, under] = await Promise.all([asked, ground.under(region)]);
       if (this.fetching !== fetching) return;
-      this.picture.set(
-        this.paint(cells, field, region.width < this.model.grid.width || region.depth < this.model.grid.depth),
-      );
+      this.picture.set(this.paint(cells, field, ground.base, under));
       this.problem.set(null);
     } catch (error) {
       if (fetching.signal.aborted) return;
@@ -103,11 +107,12 @@ export class Pictures {
     );
   }
 
-  private paint(cells: Cells, field: Field | null, part: boolean): Picture {
-    const { cell_size } = this.model.grid;
-    const elevation = (y: number) => this.model.base + (y + 0.5) * cell_size;
+  private paint(cells: Cells, field: Field | null, base: number, ground: Float32Array | null): Picture {
+    const { cell_size, width, depth } = this.model.grid;
+    const elevation = (column: number, y: number) => base + (ground?.[column] ?? 0) + (y + 0.5) * cell_size;
     const values = field ? field.values(cells, elevation) : new Float32Array(cells.content.length).fill(Number.NaN);
-    return { cells, field, values, range: rangeOf(field ?? fields.position, values), whole: !part };
+    const whole = cells.width === width && cells.depth === depth;
+    return { cells, ground, field, values, range: rangeOf(field ?? fields.position, values), whole };
   }
 
   private region(): ColumnRegion {

@@ -3,12 +3,13 @@
 import type { HeightField } from "firn-client";
 import { BoxGeometry, Mesh, MeshBasicMaterial, Vector3 } from "three";
 import { Bodies } from "../scene/bodies.ts";
-import { Cubes, planeOf, topValues } from "../scene/cubes.ts";
+import { Cubes, PLINTH, planeOf, topValues } from "../scene/cubes.ts";
 import { meetBox, meetSurface, type Ray } from "../scene/ray.ts";
 import { groundAt } from "../scene/relief.ts";
 import { Stage } from "../scene/scene.ts";
 import { Surface } from "../scene/surface.ts";
 import { mapTexture, Tint } from "../scene/tint.ts";
+import { type Ground, isSame } from "./ground.ts";
 import type { Look } from "./look.ts";
 import type { Model } from "./model.ts";
 import type { Picture, Pictures } from "./picture.ts";
@@ -26,6 +27,12 @@ export interface Hit {
   z: number;
 }
 
+/** Heights, and the ground under each of their samples above the lowest [m]; null where it is level. */
+interface Laid {
+  field: HeightField;
+  ground: Float32Array | null;
+}
+
 /** The picture. */
 export class Viewport {
   readonly stage: Stage;
@@ -41,18 +48,21 @@ export class Viewport {
   /** What has to be brought up to date before the next frame. */
   private readonly stale = { surface: false, nearby: false, cubes: false };
   private framed = false;
+  private relief = 0;
+  /** Whether cells were asked for and the camera may still be too far away to see any. */
+  private afar = false;
 
   constructor(canvas: HTMLCanvasElement, model: Model, look: Look, pictures: Pictures) {
     this.model = model;
     this.look = look;
     this.pictures = pictures;
     const { width, depth, cell_size: size } = model.grid;
-    const plinth = 0.02 * Math.max(width, depth) * size;
+    const plinth = PLINTH * Math.max(width, depth) * size;
     this.tint = new Tint(size);
     this.surface = new Surface(this.tint, plinth);
     this.nearby = new Surface(this.tint, plinth);
     this.cubes = new Cubes(size);
-    this.bodies = new Bodies(model.base);
+    this.bodies = new Bodies();
     const marker = new MeshBasicMaterial({ color: 0xd9822b, transparent: true, opacity: 0.75 });
     this.marker = new Mesh(new BoxGeometry(1, 1, 1), marker);
     this.marker.visible = false;
@@ -108,8 +118,10 @@ export class Viewport {
 
   private watch(): void {
     const { model, look, pictures } = this;
+    model.ground.watch((ground) => this.stand(ground));
     model.overview.watch(() => this.mark("surface"));
     model.detail.watch(() => this.mark("nearby"));
+    model.near.watch(() => this.mark("nearby"));
     model.colliders.watch((colliders) => {
       this.bodies.update(colliders);
       this.stage.redraw();
@@ -124,7 +136,10 @@ export class Viewport {
       this.stage.redraw();
     });
     look.cut.watch(() => this.mark("cubes"));
-    look.shape.watch(() => this.mark("cubes"));
+    look.shape.watch((shape) => {
+      this.afar = shape === "cells";
+      this.mark("cubes");
+    });
     look.column.watch((column) => {
       this.stage.keepLeftFree(column ? PROFILE_WIDTH : 0);
       this.mark("surface");
@@ -142,23 +157,42 @@ export class Viewport {
 
   private advance(milliseconds: number): boolean {
     const moving = this.bodies.advance(milliseconds);
-    const { stale, model } = this;
-    const ground = model.ground;
+    const { stale } = this;
     const blockers = this.look.colliders.get() ? this.bodies.blockers() : [];
-    const [overview, detail] = [model.overview.get()?.field, model.detail.get()?.field];
-    if (stale.surface && overview?.complete) {
-      this.surface.update(overview, ground, blockers);
-      if (!this.framed) this.frame(overview);
-      this.placeMarker(overview);
+    const [whole, near] = [stale.surface ? this.whole() : null, stale.nearby ? this.near() : null];
+    if (whole) {
+      this.surface.update(whole.field, whole.ground, blockers);
+      if (!this.framed) this.frame(whole);
+      this.placeMarker(whole);
       stale.surface = false;
     }
-    if (stale.nearby && detail?.complete) {
-      this.nearby.update(detail, ground, blockers);
-      this.cutHole(detail);
+    if (near) {
+      this.nearby.update(near.field, near.ground, blockers);
+      this.cutHole(near.field);
       stale.nearby = false;
     }
     if (stale.cubes) this.showCubes();
     return moving;
+  }
+
+  /** All of the snow on its ground; null until both are known. */
+  private whole(): Laid | null {
+    const [field, ground] = [this.model.overview.get()?.field, this.model.ground.get()];
+    return field?.complete && ground ? { field, ground: ground.overview } : null;
+  }
+
+  /** What is watched closely. */
+  private near(): Laid | null {
+    const [field, near] = [this.model.detail.get()?.field, this.model.near.get()];
+    return field?.complete && near && isSame(field.region, near.region) ? { field, ground: near.heights } : null;
+  }
+
+  private stand(ground: Ground | null): void {
+    if (!ground) return;
+    this.bodies.drawFrom(ground.base);
+    this.framed &&= this.relief === ground.relief;
+    this.relief = ground.relief;
+    this.mark("surface");
   }
 
   private showCubes(): void {
@@ -166,8 +200,13 @@ export class Viewport {
     const picture = this.pictures.picture.get();
     const asCubes = this.look.shape.get() === "cells" && picture !== null;
     const cut = asCubes ? this.look.cut.get() : null;
-    const plane = cut && picture ? planeOf(picture.cells, cut, this.model.grid.cell_size) : null;
+    const plane = cut && picture ? planeOf(picture, cut, this.model.grid.cell_size) : null;
     if (asCubes) this.cubes.show(picture, plane);
+    if (asCubes && this.afar) {
+      const { width, depth } = picture.cells;
+      if (!picture.whole) this.stage.approach(2.5 * Math.max(width, depth) * this.model.grid.cell_size);
+      this.afar = false;
+    }
     this.bodies.cut(plane);
     this.cubes.solids.mesh.visible = asCubes;
     this.surface.group.visible = !asCubes;
@@ -192,32 +231,31 @@ export class Viewport {
     this.surface.hole.set(column_x, column_z, column_x + width, column_z + depth).multiplyScalar(size);
   }
 
-  private frame(field: HeightField): void {
+  private frame(whole: Laid): void {
     const { width, depth, cell_size } = this.model.grid;
-    const top = this.highest(field);
-    this.stage.frameBlock(new Vector3(width * cell_size, top, depth * cell_size));
+    this.stage.frameBlock(new Vector3(width * cell_size, this.highest(whole), depth * cell_size), cell_size);
     this.framed = true;
     performance.mark("first picture");
   }
 
-  private highest(field: HeightField): number {
+  private highest({ field, ground }: Laid): number {
     let top = this.model.grid.cell_size;
     for (let z = 0; z < field.depth; z++) {
       for (let x = 0; x < field.width; x++) {
-        top = Math.max(top, (field.heights[z * field.width + x] as number) + groundAt(field, this.model.ground, x, z));
+        top = Math.max(top, (field.heights[z * field.width + x] as number) + groundAt(field, ground, x, z));
       }
     }
     return top;
   }
 
   /** Marks the column whose profile is open. */
-  private placeMarker(field: HeightField): void {
+  private placeMarker(whole: Laid): void {
     const column = this.look.column.get();
     this.marker.visible = column !== null;
     if (!column) return;
-    const size = field.grid.cell_size;
+    const size = this.model.grid.cell_size;
     const [x, z] = [(column.column_x + 0.5) * size, (column.column_z + 0.5) * size];
-    const top = this.elevationIn(field, x, z);
+    const top = elevationIn(whole, x, z);
     this.marker.scale.set(size * 0.3, top + 4 * size, size * 0.3);
     this.marker.position.set(x, this.marker.scale.y / 2, z);
   }
@@ -225,32 +263,29 @@ export class Viewport {
   private lookedAt(): void {
     const size = this.model.grid.cell_size;
     const { x, z } = this.middle();
+    const whole = this.whole();
+    if (whole && this.framed) this.stage.aim((x, z) => (covers(whole.field, x, z) ? elevationIn(whole, x, z) : null));
     this.model.lookAt(x / size, z / size);
     this.pictures.lookAt(x / size, z / size);
   }
 
   private meetSnow(ray: Ray): number | null {
-    const field = this.model.overview.get()?.field;
-    if (!field?.complete) return null;
+    const [whole, near] = [this.whole(), this.near()];
+    if (!whole) return null;
     const { width, depth, cell_size: size } = this.model.grid;
-    const box = { low: [0, 0, 0], high: [width * size, this.highest(field) + size, depth * size] };
-    const detail = this.model.detail.get()?.field;
-    const heightAt = (x: number, z: number) => {
-      const near = detail?.complete && covers(detail, x, z) ? detail : field;
-      return this.elevationIn(near, x, z);
-    };
+    const box = { low: [0, 0, 0], high: [width * size, this.highest(whole) + size, depth * size] };
+    const heightAt = (x: number, z: number) => elevationIn(near && covers(near.field, x, z) ? near : whole, x, z);
     return meetSurface(ray, box, heightAt, size / 2);
   }
+}
 
-  private elevationIn(field: HeightField, x: number, z: number): number {
-    const size = field.grid.cell_size;
-    const sample = (at: number, first: number, samples: number) =>
-      Math.min(Math.max(Math.floor((at / size - first) / field.stride), 0), samples - 1);
-    const sampleX = sample(x, field.column_x, field.width);
-    const sampleZ = sample(z, field.column_z, field.depth);
-    const height = field.heights[sampleZ * field.width + sampleX] as number;
-    return height + groundAt(field, this.model.ground, sampleX, sampleZ);
-  }
+function elevationIn({ field, ground }: Laid, x: number, z: number): number {
+  const size = field.grid.cell_size;
+  const sample = (at: number, first: number, samples: number) =>
+    Math.min(Math.max(Math.floor((at / size - first) / field.stride), 0), samples - 1);
+  const sampleX = sample(x, field.column_x, field.width);
+  const sampleZ = sample(z, field.column_z, field.depth);
+  return (field.heights[sampleZ * field.width + sampleX] as number) + groundAt(field, ground, sampleX, sampleZ);
 }
 
 function covers({ region, grid }: HeightField, x: number, z: number): boolean {

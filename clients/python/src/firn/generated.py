@@ -57,7 +57,7 @@ class CellOrigin(TypedDict):
     """Along z."""
 
     cell_y: int
-    """Along y, from the lowest ground up."""
+    """Along y, from what `reference` says up."""
 
 
 class Clearing(TypedDict):
@@ -254,7 +254,7 @@ class ErrorMessage(TypedDict):
     problem: Problem
 
 
-EventKind: TypeAlias = Literal["snowfall", "clearing", "settings", "settled", "reset"]
+EventKind: TypeAlias = Literal["snowfall", "clearing", "settings", "terrain", "settled", "reset"]
 
 
 EventsWanted: TypeAlias = bool | list[EventKind]
@@ -283,8 +283,11 @@ class GetCellsQuery(TypedDict):
     column_z: NotRequired[int]
     """First column along z."""
 
+    reference: NotRequired[Literal["lowest", "ground"]]
+    """What cells along y are counted from: the lowest ground of the session, or the ground of each column."""
+
     cell_y: NotRequired[int]
-    """First cell along y; 0 stands on the lowest ground."""
+    """First cell along y; 0 stands on what is counted from."""
 
     width: NotRequired[int]
     """Cells along x; up to the grid's edge where there is none."""
@@ -293,7 +296,7 @@ class GetCellsQuery(TypedDict):
     """Cells along z; up to the grid's edge where there is none."""
 
     height: NotRequired[int]
-    """Cells along y; up to the grid's height on the highest ground where there is none."""
+    """Cells along y; up to the grid's height, on the highest ground, where there is none."""
 
     fields: NotRequired[str]
     """Names of fields, separated by commas."""
@@ -409,6 +412,25 @@ class GetRenderQuery(TypedDict):
 
     background: NotRequired[Literal["light", "dark", "transparent"]]
     """What is around the snow."""
+
+
+class GetTerrainQuery(TypedDict):
+    """Read the ground"""
+
+    column_x: NotRequired[int]
+    """First column along x."""
+
+    column_z: NotRequired[int]
+    """First column along z."""
+
+    width: NotRequired[int]
+    """Samples along x; up to the grid's edge where there is none."""
+
+    depth: NotRequired[int]
+    """Samples along z; up to the grid's edge where there is none."""
+
+    stride: NotRequired[int]
+    """Columns from one sample to the next: 1, 2, 4 or 8."""
 
 
 class Grid(TypedDict):
@@ -734,14 +756,14 @@ class Problem(TypedDict):
     """Each part of the request that was wrong, the first hundred of them; may be empty."""
 
 
-class Progress(TypedDict):
-    """How far a step has come."""
+class PutTerrainQuery(TypedDict):
+    """Put other ground under the snow"""
 
-    done: int
-    """Ticks it has taken."""
+    scale: NotRequired[float]
+    """Metres from one grey to the next, not 0; an image needs it, nothing else may have it."""
 
-    of: int
-    """Ticks it takes at the most."""
+    offset: NotRequired[float]
+    """Metres at grey 0 (an image only)."""
 
 
 class Readiness(TypedDict):
@@ -823,7 +845,7 @@ SampleField: TypeAlias = Literal["depth", "ground", "elevation", "normal", "dens
 
 
 class SampleFields(TypedDict):
-    """Fields of points: of those that were asked for a value for each point, in their order; `null` for the others."""
+    """Fields of points, those that were asked for; each has a value for every point, in their order."""
 
     depth: list[float] | None
     """Snow depth [m], bilinear between the centres of columns."""
@@ -848,21 +870,6 @@ class SampleFields(TypedDict):
 
     sink: list[float] | None
     """Depth [m] that the load would sink there, as a probe tells."""
-
-
-class SamplesMessage(TypedDict):
-    """Reads the snow at points, as POST …/samples. Its answer is one message, so it has at most 1 MiB."""
-
-    op: Literal["samples"]
-    id: Id
-    points: list[list[float]]
-    """Points, each [x, z] in metres, inside the grid."""
-
-    fields: NotRequired[list[SampleField]]
-    """What is wanted of each; the four of the surface where nothing is said."""
-
-    load: NotRequired[Load | None]
-    """The load whose `sink` is wanted."""
 
 
 Seq: TypeAlias = int
@@ -969,7 +976,9 @@ class SessionView(Settings):
     material: Material
     """Material constants."""
 
-    terrain: Terrain | None
+    terrain: bool
+    """Whether it was told a ground to lie on (`GET …/terrain`); without, the ground is level at 0."""
+
     state: State
     """What it is doing."""
 
@@ -1224,7 +1233,7 @@ class HeightView(Stamp):
 
 
 class HeightsView(Stamp):
-    """Snow depths of a region."""
+    """Heights of a region."""
 
     origin: Origin
     """First column."""
@@ -1242,7 +1251,7 @@ class HeightsView(Stamp):
     """Side of a column [m]."""
 
     heights: list[float]
-    """Snow depths [m], row by row: index = z · width + x."""
+    """Snow depths [m], or elevations where those are asked for, row by row: index = z · width + x."""
 
 
 class MassView(Stamp):
@@ -1409,6 +1418,20 @@ class Terrain(TypedDict):
     """Elevations [m] within ±20 000, row by row: index = z · width + x."""
 
 
+class TerrainEvent(TypedDict):
+    """The snow lies on other ground."""
+
+    op: Literal["event"]
+    event: Literal["terrain"]
+    tick: Tick
+    seq: Seq
+    lowest: float
+    """Lowest elevation of the ground [m]."""
+
+    highest: float
+    """Highest elevation of the ground [m]."""
+
+
 Tick: TypeAlias = int
 
 
@@ -1522,7 +1545,7 @@ class WatchEvent(TypedDict):
     """Mean depth of the snow in the region [m]."""
 
 
-EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | PlainEvent | WatchEvent
+EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | TerrainEvent | PlainEvent | WatchEvent
 
 
 class WeakLayerView(TypedDict):

@@ -9,6 +9,7 @@ import { lookSection } from "./look.ts";
 import { measureSection } from "./measure.ts";
 import { objectsSection } from "./objects.ts";
 import { snowSection } from "./snow.ts";
+import { terrainSection } from "./terrain.ts";
 import { timeSection } from "./time.ts";
 
 /** What every section works with. */
@@ -27,7 +28,14 @@ export interface Desk {
 /** The panel, and what puts an object somewhere [m]. */
 export function panel(desk: Desk): { element: HTMLElement; place: (x: number, z: number) => void } {
   const objects = objectsSection(desk);
-  const sections = [timeSection(desk), snowSection(desk), lookSection(desk), objects.element, measureSection(desk)];
+  const sections = [
+    timeSection(desk),
+    snowSection(desk),
+    terrainSection(desk),
+    lookSection(desk),
+    objects.element,
+    measureSection(desk),
+  ];
   return { element: h("aside", { class: "panel", "aria-label": "Controls" }, ...sections), place: objects.place };
 }
 
