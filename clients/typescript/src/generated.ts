@@ -77,6 +77,24 @@ export interface components {
                 [key: string]: (number | null)[];
             };
         };
+        /** @description The restore points of a session. */
+        CheckpointList: {
+            /** @description All of them, in ascending order of their names. */
+            items: components["schemas"]["CheckpointView"][];
+        };
+        /** @description A restore point: a state of a session that is kept under a name. */
+        CheckpointView: {
+            /** @description Its name. */
+            name: string;
+            /** @description Tick of the state. */
+            tick: number;
+            /** @description Simulated time of the state [s]. */
+            sim_time: number;
+            /** @description When it was kept, RFC 3339. */
+            created_at: string;
+            /** @description Length of its snapshot [bytes]. */
+            bytes: number;
+        };
         /** @description A plough: leaves at most a depth of snow standing. */
         Clearing: {
             /** @description Depth left standing [m]. */
@@ -266,9 +284,9 @@ export interface components {
          * @description A kind of events that a subscription can choose.
          * @enum {unknown}
          */
-        EventKind: "snowfall" | "clearing" | "settings" | "terrain" | "settled" | "reset";
+        EventKind: "snowfall" | "clearing" | "settings" | "terrain" | "settled" | "step_progress" | "reset";
         /** @description Something happened in the session, or a watch tells how it stands. */
-        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["TerrainEvent"] | components["schemas"]["PlainEvent"] | components["schemas"]["WatchEvent"];
+        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["TerrainEvent"] | components["schemas"]["StepProgressEvent"] | components["schemas"]["PlainEvent"] | components["schemas"]["WatchEvent"];
         /**
          * @description Which events are wanted: all, none, or some kinds. Where it is not said: all under
          *     `firn.v1.json`, none under `firn.v1.bin`.
@@ -696,6 +714,13 @@ export interface components {
             /** @description Each part of the request that was wrong, the first hundred of them; may be empty. */
             errors: components["schemas"]["FieldError"][];
         };
+        /** @description How far a step has come. */
+        Progress: {
+            /** @description Ticks it has taken. */
+            done: number;
+            /** @description Ticks it takes at the most. */
+            of: number;
+        };
         /** @description Put other ground under the snow */
         PutTerrainQuery: {
             /** @description Metres from one grey to the next, not 0; an image needs it, nothing else may have it. */
@@ -744,6 +769,11 @@ export interface components {
             /** @description Extent along z [m]. */
             depth: number;
         };
+        /** @description Body of `POST …/reset`. */
+        ResetSpec: {
+            /** @description Name of the restore point to go back to; `null` for the state that the session was created in. */
+            checkpoint?: string | null;
+        };
         /** @description Points at which the snow is read. */
         SampleBatch: {
             /** @description The points, each [x, z] in metres, inside the grid. */
@@ -757,7 +787,7 @@ export interface components {
          * @enum {string}
          */
         SampleField: "depth" | "ground" | "elevation" | "normal" | "density" | "hardness" | "sink";
-        /** @description Fields of points, those that were asked for; each has a value for every point, in their order. */
+        /** @description Fields of points: of those that were asked for a value for each point, in their order; `null` for the others. */
         SampleFields: {
             /** @description Snow depth [m], bilinear between the centres of columns. */
             depth: number[] | null;
@@ -781,6 +811,18 @@ export interface components {
         SampleReply: components["schemas"]["Stamp"] & {
             /** @description The fields asked for. */
             fields: components["schemas"]["SampleFields"];
+        };
+        /** @description Reads the snow at points, as POST …/samples. Its answer is one message, so it has at most 1 MiB. */
+        SamplesMessage: {
+            /** @constant */
+            op: "samples";
+            id: components["schemas"]["Id"];
+            /** @description Points, each [x, z] in metres, inside the grid. */
+            points: number[][];
+            /** @description What is wanted of each; the four of the surface where nothing is said. */
+            fields?: components["schemas"]["SampleField"][];
+            /** @description The load whose `sink` is wanted. */
+            load?: components["schemas"]["Load"] | null;
         };
         /**
          * @description Number of the newest published change. It only grows, by how much depends on what else the server does; it may exceed
@@ -1088,7 +1130,7 @@ export interface components {
             /** @description Elevations [m] within ±20 000, row by row: index = z · width + x. */
             heights: number[];
         };
-        /** @description The snow lies on other ground. */
+        /** @description The snow lies on other ground, as `GET …/terrain` has it. */
         TerrainEvent: {
             /** @constant */
             op: "event";
@@ -1236,6 +1278,8 @@ export type Alive = components['schemas']['Alive'];
 export type Auth = components['schemas']['Auth'];
 export type CellOrigin = components['schemas']['CellOrigin'];
 export type CellsView = components['schemas']['CellsView'];
+export type CheckpointList = components['schemas']['CheckpointList'];
+export type CheckpointView = components['schemas']['CheckpointView'];
 export type Clearing = components['schemas']['Clearing'];
 export type ClearingEvent = components['schemas']['ClearingEvent'];
 export type ClearingMessage = components['schemas']['ClearingMessage'];
@@ -1299,14 +1343,17 @@ export type ProbeReply = components['schemas']['ProbeReply'];
 export type ProbeView = components['schemas']['ProbeView'];
 export type ProbesMessage = components['schemas']['ProbesMessage'];
 export type Problem = components['schemas']['Problem'];
+export type Progress = components['schemas']['Progress'];
 export type PutTerrainQuery = components['schemas']['PutTerrainQuery'];
 export type Readiness = components['schemas']['Readiness'];
 export type ReadyStatus = components['schemas']['ReadyStatus'];
 export type Region = components['schemas']['Region'];
+export type ResetSpec = components['schemas']['ResetSpec'];
 export type SampleBatch = components['schemas']['SampleBatch'];
 export type SampleField = components['schemas']['SampleField'];
 export type SampleFields = components['schemas']['SampleFields'];
 export type SampleReply = components['schemas']['SampleReply'];
+export type SamplesMessage = components['schemas']['SamplesMessage'];
 export type Seq = components['schemas']['Seq'];
 export type SessionSpec = components['schemas']['SessionSpec'];
 export type SessionView = components['schemas']['SessionView'];

@@ -60,6 +60,32 @@ class CellOrigin(TypedDict):
     """Along y, from what `reference` says up."""
 
 
+class CheckpointList(TypedDict):
+    """The restore points of a session."""
+
+    items: list[CheckpointView]
+    """All of them, in ascending order of their names."""
+
+
+class CheckpointView(TypedDict):
+    """A restore point: a state of a session that is kept under a name."""
+
+    name: str
+    """Its name."""
+
+    tick: int
+    """Tick of the state."""
+
+    sim_time: float
+    """Simulated time of the state [s]."""
+
+    created_at: str
+    """When it was kept, RFC 3339."""
+
+    bytes: int
+    """Length of its snapshot [bytes]."""
+
+
 class Clearing(TypedDict):
     """A plough: leaves at most a depth of snow standing."""
 
@@ -254,7 +280,7 @@ class ErrorMessage(TypedDict):
     problem: Problem
 
 
-EventKind: TypeAlias = Literal["snowfall", "clearing", "settings", "terrain", "settled", "reset"]
+EventKind: TypeAlias = Literal["snowfall", "clearing", "settings", "terrain", "settled", "step_progress", "reset"]
 
 
 EventsWanted: TypeAlias = bool | list[EventKind]
@@ -756,6 +782,16 @@ class Problem(TypedDict):
     """Each part of the request that was wrong, the first hundred of them; may be empty."""
 
 
+class Progress(TypedDict):
+    """How far a step has come."""
+
+    done: int
+    """Ticks it has taken."""
+
+    of: int
+    """Ticks it takes at the most."""
+
+
 class PutTerrainQuery(TypedDict):
     """Put other ground under the snow"""
 
@@ -819,6 +855,13 @@ class Region(TypedDict):
     """Extent along z [m]."""
 
 
+class ResetSpec(TypedDict):
+    """Body of `POST …/reset`."""
+
+    checkpoint: NotRequired[str | None]
+    """Name of the restore point to go back to; `null` for the state that the session was created in."""
+
+
 class Resume(TypedDict):
     """
     The state that the client holds: the epoch of the `welcome` under which it was told, and the seq of the
@@ -845,7 +888,7 @@ SampleField: TypeAlias = Literal["depth", "ground", "elevation", "normal", "dens
 
 
 class SampleFields(TypedDict):
-    """Fields of points, those that were asked for; each has a value for every point, in their order."""
+    """Fields of points: of those that were asked for a value for each point, in their order; `null` for the others."""
 
     depth: list[float] | None
     """Snow depth [m], bilinear between the centres of columns."""
@@ -870,6 +913,21 @@ class SampleFields(TypedDict):
 
     sink: list[float] | None
     """Depth [m] that the load would sink there, as a probe tells."""
+
+
+class SamplesMessage(TypedDict):
+    """Reads the snow at points, as POST …/samples. Its answer is one message, so it has at most 1 MiB."""
+
+    op: Literal["samples"]
+    id: Id
+    points: list[list[float]]
+    """Points, each [x, z] in metres, inside the grid."""
+
+    fields: NotRequired[list[SampleField]]
+    """What is wanted of each; the four of the surface where nothing is said."""
+
+    load: NotRequired[Load | None]
+    """The load whose `sink` is wanted."""
 
 
 Seq: TypeAlias = int
@@ -1314,9 +1372,6 @@ class StepProgressEvent(TypedDict):
     """`null` where the step has ended."""
 
 
-EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | StepProgressEvent | PlainEvent
-
-
 class StepSpec(TypedDict):
     """
     How far a paused session is to be stepped; exactly one of `ticks`, `seconds` and
@@ -1419,7 +1474,7 @@ class Terrain(TypedDict):
 
 
 class TerrainEvent(TypedDict):
-    """The snow lies on other ground."""
+    """The snow lies on other ground, as `GET …/terrain` has it."""
 
     op: Literal["event"]
     event: Literal["terrain"]
@@ -1545,7 +1600,7 @@ class WatchEvent(TypedDict):
     """Mean depth of the snow in the region [m]."""
 
 
-EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | TerrainEvent | PlainEvent | WatchEvent
+EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | TerrainEvent | StepProgressEvent | PlainEvent | WatchEvent
 
 
 class WeakLayerView(TypedDict):
