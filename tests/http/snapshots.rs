@@ -178,12 +178,16 @@ async fn a_forged_snapshot_is_refused(backend: BackendChoice) {
     let same = restore(&server, "?id=same", forge(&good, |_| {})).await;
     assert_eq!(same.status, 201, "{}", String::from_utf8_lossy(&same.body));
     type Forgery = (&'static str, fn(&mut Value));
-    let changes: [Forgery; 12] = [
+    let changes: [Forgery; 13] = [
         ("time saved up", |d| d["clock"]["pending"][1] = json!(2e5)),
         ("another clock", |d| d["clock"]["dt"] = json!(1)),
         ("a future", |d| d["clock"]["mark"][0] = json!(1u64 << 60)),
         ("snow in the air", |d| d["falling"]["mass"] = json!(9e11)),
         ("endless snow", |d| d["falling"]["depth"] = json!(1e300)),
+        ("bands of a world that has one", |d| {
+            d["falling"]["spreading"] =
+                json!({"depth": 65536, "mass": 1000, "celsius": -3, "bands": 1})
+        }),
         ("too heavy", |d| d["colliders"][0]["mass"] = json!(1e300)),
         ("no size", |d| {
             d["colliders"][0]["shape"] = json!({"type": "box", "width": -0.5, "depth": 1})

@@ -26,8 +26,9 @@ const FIRST: u64 = 1 << 20;
 /// The same where it is brought back.
 const FIRST_OF_REPLAY: u64 = 1 << 23;
 
-/// Fewest units of a frame: on any device less takes no longer than the parts that it would be done in.
-const LEAST: u64 = 1 << 18;
+/// Fewest units of a frame: two processors without a GPU take 8 ms for them. Where others are in the way they
+/// take longer, and smaller parts would only be more frames that wait for them.
+const LEAST: u64 = 1 << 19;
 
 /// Units of a column on which snow falls or is cleared.
 const FALL: u64 = 4;
@@ -257,6 +258,6 @@ mod tests {
         assert_eq!(fitted(2 * FIRST, true, 20), FIRST / 2);
         assert_eq!(fitted(FIRST / 2, true, 5000), LEAST);
         assert_eq!(fitted(100 * FIRST, false, 20), LEAST, "others were in the way");
-        assert_eq!(fitted(LEAST, true, 4), 2 * LEAST);
+        assert_eq!(fitted(LEAST, true, 4), 2 * LEAST, "and are not any more");
     }
 }
