@@ -98,7 +98,7 @@ impl KeyedRequests {
     /// store's clock counts it.
     pub const LIFETIME: Duration = LIFETIME;
 
-    /// Longest answer that is kept \[bytes\]. A longer one, as of a session on a large terrain, is made anew.
+    /// Longest answer that is kept \[bytes\]. A longer one is made anew.
     pub const LONGEST_ANSWER: usize = 64 * 1024;
 
     /// None yet.

@@ -125,6 +125,13 @@ impl Reply {
         self.headers.get(name).map_or("", |value| value.to_str().expect("a header is text"))
     }
 
+    /// Whether it says, once, that it varies by a header.
+    pub fn varies(&self, by: &str) -> bool {
+        let told = self.headers.get_all("vary").iter();
+        let told = told.flat_map(|told| told.to_str().expect("a header is text").split(','));
+        told.filter(|told| told.trim().eq_ignore_ascii_case(by)).count() == 1
+    }
+
     /// The JSON body of an answer with a status.
     #[track_caller]
     pub fn expect(&self, status: u16) -> Value {

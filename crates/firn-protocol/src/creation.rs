@@ -5,7 +5,7 @@ use std::sync::Arc;
 use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Preset};
 use serde::{Deserialize, Serialize};
 
-use crate::session::Settings;
+use crate::session::{Settings, given};
 
 /// What a session is created with, in full. `POST /v1/sessions` takes it as a [`SessionBody`], which may leave out
 /// whatever it likes, and reading one fills in what it leaves out.
@@ -53,7 +53,8 @@ pub struct SessionBody {
     /// Material constants.
     pub material: MaterialSpec,
     /// Temperature of the air \[°C\], and of fresh snow; the preset's where there is none.
-    #[cfg_attr(feature = "schema", schema(minimum = -40, maximum = 0))]
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false, minimum = -40, maximum = 0))]
+    #[serde(deserialize_with = "given")]
     pub air_temperature: Option<f64>,
     /// Simulated seconds per second.
     #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 1000))]
@@ -84,20 +85,28 @@ pub struct SessionBody {
 #[serde(default, deny_unknown_fields)]
 pub struct MaterialSpec {
     /// Density of fresh snow \[kg/m³\], up to `max_density`.
-    #[cfg_attr(feature = "schema", schema(minimum = 10))]
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false, minimum = 10))]
+    #[serde(deserialize_with = "given")]
     pub fresh_density: Option<f64>,
     /// Density at which snow compacts no further \[kg/m³\].
-    #[cfg_attr(feature = "schema", schema(maximum = 917))]
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false, maximum = 917))]
+    #[serde(deserialize_with = "given")]
     pub max_density: Option<f64>,
     /// Exponent n of the stiffness law k = ρⁿ.
-    #[cfg_attr(feature = "schema", schema(minimum = 3, maximum = 6))]
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false, minimum = 3, maximum = 6))]
+    #[serde(deserialize_with = "given")]
     pub stiffness_exponent: Option<f64>,
     /// The hardness law.
+    #[cfg_attr(feature = "schema", schema(value_type = HardnessLaw, required = false))]
+    #[serde(deserialize_with = "given")]
     pub hardness_law: Option<HardnessLaw>,
     /// Grain size δ \[mm\], read by the law `gold` only.
-    #[cfg_attr(feature = "schema", schema(minimum = 0.05, maximum = 10))]
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false, minimum = 0.05, maximum = 10))]
+    #[serde(deserialize_with = "given")]
     pub grain_size_mm: Option<f64>,
     /// How loads spread with depth.
+    #[cfg_attr(feature = "schema", schema(value_type = LoadDistribution, required = false))]
+    #[serde(deserialize_with = "given")]
     pub load_distribution: Option<LoadDistribution>,
 }
 

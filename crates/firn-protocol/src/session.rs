@@ -48,18 +48,21 @@ pub struct SettingsPatch {
     #[cfg_attr(feature = "schema", schema(minimum = 3, maximum = 6))]
     pub stiffness_exponent: Option<f64>,
     /// Seconds without request or stream after which the session hibernates, `null` for never.
-    #[serde(deserialize_with = "some", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(value_type = Option<f64>, minimum = 1, maximum = 1e9))]
     pub idle_timeout_s: Option<Option<f64>>,
     /// Seconds without request or stream after which the session is deleted; `null` for never.
-    #[serde(deserialize_with = "some", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(value_type = Option<f64>, minimum = 1, maximum = 1e9))]
     pub delete_after_s: Option<Option<f64>>,
 }
 
-/// Keeps `null` apart from an absent field.
-fn some<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Option<f64>>, D::Error> {
-    Option::deserialize(deserializer).map(Some)
+/// A field that is there. Where it may be `null`, that is not the same as a field that is left out; where it may
+/// not, `null` is refused.
+pub(crate) fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    deserializer: D,
+) -> Result<Option<T>, D::Error> {
+    T::deserialize(deserializer).map(Some)
 }
 
 /// What a session is doing.
