@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use tracing::info;
 
-use crate::core::record::Part;
+use crate::core::record::{Part, Record};
 use crate::core::session::Simulation;
 use crate::core::{Effect, World};
 use crate::store::StoreError;
@@ -30,18 +30,21 @@ impl World {
         self.storage.next_attempt = None;
         let (mut sessions, mut rewriting) = (Vec::new(), BTreeMap::new());
         for key in std::mem::take(&mut self.storage.spoiled) {
-            let Some(record) = self.records.get(&key).filter(|record| record.exists) else {
+            let lives = |record: &&Record| record.exists && !record.is_leaving();
+            let Some(record) = self.records.get(&key).filter(lives) else {
                 sessions.push((key, vec![Part::Delete]));
                 rewriting.insert(key, None);
                 continue;
             };
-            let mut stored = record.stored.clone();
+            // What is on its way is written before this, or this is not written either.
+            let mut stored = record.present();
+            let before = stored.anchor;
             let here = |sim: &&Simulation| sim.log.next() == stored.next() && sim.replay.is_none();
             if let Some(simulation) = self.simulations.get(&key).filter(here) {
                 stored.anchor = simulation.anchor();
             }
             sessions.push((key, stored.parts()));
-            rewriting.insert(key, Some([record.stored.anchor, stored.anchor]));
+            rewriting.insert(key, Some([before, stored.anchor]));
         }
         self.storage.rewriting = Some(rewriting);
         self.have_written(sessions);

@@ -16,6 +16,7 @@ on_each_backend!(
     a_session_that_nobody_wants_hibernates,
     a_session_that_somebody_watches_stays_awake,
     a_session_that_hibernates_is_deleted_in_the_end,
+    a_session_that_hibernates_keeps_its_restore_points,
 );
 
 async fn servers(backend: BackendChoice) -> [Server; 2] {
@@ -116,6 +117,27 @@ async fn a_session_that_hibernates_is_deleted_in_the_end(backend: BackendChoice)
         until_hibernating(&server, "gone").await;
         until("it is deleted", async || listed(&server, "gone").await == Value::Null).await;
         server.get("/v1/sessions/gone").await.problem(404);
+        server.stop().await;
+    }
+}
+
+async fn a_session_that_hibernates_keeps_its_restore_points(backend: BackendChoice) {
+    for server in servers(backend).await {
+        let path = server.create(tired("bear")).await;
+        let points = format!("{path}/checkpoints");
+        server.put(&format!("{points}/spring"), json!(null)).await.expect(201);
+        server.step(&path, 50).await;
+        until_hibernating(&server, "bear").await;
+        let listed_points = server.get(&points).await.expect(200);
+        assert_eq!(listed_points["items"][0]["name"], "spring");
+        assert_eq!(listed(&server, "bear").await["state"], "hibernating", "it sleeps on");
+        let kept = server.put(&format!("{points}/winter"), json!(null)).await.expect(201);
+        assert_eq!(kept["tick"], 50);
+        until_hibernating(&server, "bear").await;
+        server.delete(&format!("{points}/winter")).await.expect(204);
+        let spring = json!({"checkpoint": "spring"});
+        let back = server.post(&format!("{path}/reset"), spring).await.expect(200);
+        assert_eq!((&back["tick"], &back["state"]), (&json!(0), &json!("paused")));
         server.stop().await;
     }
 }

@@ -2,6 +2,7 @@
 //! devices.
 
 mod backup;
+mod checkpoints;
 #[path = "../stream/client.rs"]
 #[allow(dead_code)]
 mod client;

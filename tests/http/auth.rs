@@ -88,6 +88,7 @@ async fn each_token_allows_what_it_is_for() {
         (Method::HEAD, url("/heights"), Value::Null),
         (Method::GET, url("/snapshot"), Value::Null),
         (Method::GET, url("/colliders"), Value::Null),
+        (Method::GET, url("/checkpoints"), Value::Null),
         (Method::POST, url("/probes"), probes),
         (Method::POST, url("/samples"), json!({"points": [[1, 0.7]]})),
     ];
@@ -99,6 +100,10 @@ async fn each_token_allows_what_it_is_for() {
         (Method::DELETE, url("/colliders/c"), Value::Null),
         (Method::PATCH, url(""), json!({"time_scale": 2})),
         (Method::POST, url("/step"), json!({"ticks": 1})),
+        (Method::DELETE, url("/step"), Value::Null),
+        (Method::PUT, url("/checkpoints/p"), Value::Null),
+        (Method::POST, url("/reset"), json!({"checkpoint": "p"})),
+        (Method::DELETE, url("/checkpoints/p"), Value::Null),
         (Method::POST, url("/reset"), Value::Null),
     ];
     for (method, url, body) in &reads {

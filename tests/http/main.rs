@@ -2,6 +2,7 @@
 
 mod auth;
 mod cells;
+mod checkpoints;
 mod colliders;
 mod compression;
 mod docs;

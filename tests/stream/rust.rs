@@ -1,12 +1,14 @@
 //! The Rust client, `firn-client`, against a real server.
 
+use std::sync::Arc;
+
 use firn::config::BackendChoice;
 use firn_client::{Client, Error, HeightField, Heights, Message, Session, Stream};
 use firn_protocol::stream::{Command, SubProtocol};
 use firn_protocol::{
     Clearing, ColumnRegion, DepthWatch, Event, EventKind, Events, Load, Region, SampleBatch,
     SampleField, SampleReply, SessionSpec, SettingsPatch, SnowLayer, Snowfall, State, StepSpec,
-    Subscribe, Update,
+    Subscribe, Terrain, Update,
 };
 use firn_snow::Grid;
 use tokio::time::timeout;
@@ -18,10 +20,12 @@ use crate::support::{Server, numbers, slow};
 on_each_backend!(
     a_field_is_what_rest_reads,
     a_step_is_told_and_ended,
+    a_session_goes_back,
     it_resumes_where_it_was,
     events_and_watches_are_asked_for,
     what_is_refused_says_why,
     samples_are_typed,
+    the_ground_is_laid_anew,
     a_stream_tells_its_end,
 );
 
@@ -35,6 +39,24 @@ async fn field(server: &Server) -> Session {
         ..SessionSpec::default()
     };
     client.create(&spec).await.unwrap().0
+}
+
+async fn the_ground_is_laid_anew(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = field(&server).await;
+    assert_eq!(session.terrain().await.unwrap(), [0.0; 240]);
+    let heights: Arc<[f64]> = (0..240).map(f64::from).collect();
+    let stamp = session.put_terrain(&Terrain { heights: heights.clone() }).await.unwrap();
+    assert_eq!(session.terrain().await.unwrap(), *heights);
+    let view = session.view().await.unwrap();
+    assert!(view.terrain && view.seq == stamp.seq);
+    let few = Terrain { heights: [1.0].into() };
+    let refused = session.put_terrain(&few).await.unwrap_err();
+    assert!(
+        matches!(&refused, Error::Refused { problem, .. } if problem.status == 422),
+        "{refused}"
+    );
+    server.stop().await;
 }
 
 async fn samples_are_typed(backend: BackendChoice) {
@@ -136,6 +158,36 @@ async fn a_step_is_told_and_ended(backend: BackendChoice) {
     let stepped = stepped.unwrap();
     assert!(stepped.tick < 1_000_000 && stepped.progress.is_none(), "{}", stepped.tick);
     assert!(matches!(session.end_step().await, Err(Error::Refused { .. })));
+    server.stop().await;
+}
+
+async fn a_session_goes_back(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let session = field(&server).await;
+    let mut stream = session.stream(SubProtocol::Json).await.unwrap();
+    let kept = session.put_checkpoint("full").await.unwrap();
+    assert_eq!(session.checkpoints().await.unwrap().items, [kept.clone()]);
+    assert_eq!(session.checkpoint("full").await.unwrap(), kept);
+    let snapshot = session.snapshot().await.unwrap();
+    assert_eq!(kept.bytes, snapshot.len() as u64);
+    for to_checkpoint in [true, false] {
+        session.clear(&Clearing { depth: 0.1, region: None }).await.unwrap();
+        let back = if to_checkpoint {
+            session.reset_to_checkpoint("full").await.unwrap()
+        } else {
+            session.reset_to_snapshot(snapshot.clone()).await.unwrap()
+        };
+        assert!(back.summary.min_height > 0.9, "{:?}", back.summary);
+        let told = loop {
+            if let Message::Event(Event::Reset { stamp }) = stream.next().await.unwrap() {
+                break stamp;
+            }
+        };
+        assert_eq!((told.tick, told.seq), (back.tick, back.seq));
+    }
+    session.delete_checkpoint("full").await.unwrap();
+    let gone = session.reset_to_checkpoint("full").await;
+    assert!(matches!(gone, Err(Error::Refused { .. })), "{gone:?}");
     server.stop().await;
 }
 

@@ -94,6 +94,18 @@ def test_heights_are_arrays(client: Client) -> None:
 def test_a_snapshot_is_the_same_snow(client: Client) -> None:
     session = client.create_session(id="one", paused=True, grid=GRID, initial_snow=[{"depth": 3, "temperature": -5}])
     session.step(ticks=100)
+    kept = session.put_checkpoint("kept")
+    assert session.checkpoints() == [kept] and kept["tick"] == 100
+    digest, snapshot = session.digest(), session.snapshot()
+    session.clear(1)
+    assert session.reset(checkpoint="kept")["tick"] == 100 and session.digest() == digest
+    session.delete_checkpoint("kept")
+    with pytest.raises(ProblemError) as missing:
+        session.reset(checkpoint="kept")
+    assert missing.value.status == 404
+    session.clear(1)
+    session.reset(snapshot=snapshot)
+    assert session.digest() == digest
     copy = client.restore_session(session.snapshot(), id="two")
     assert copy.digest() == session.digest()
     assert [view["id"] for view in client.sessions()] == ["one", "two"]

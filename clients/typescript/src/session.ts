@@ -5,6 +5,8 @@ import { type Access, ask, ProblemError, type Request, send } from "./http.ts";
 import { Stream, type StreamOptions } from "./stream.ts";
 import type {
   Cells,
+  Checkpoint,
+  CheckpointList,
   Clearing,
   ClearingReply,
   Collider,
@@ -29,6 +31,9 @@ import type {
   Tokens,
   Usage,
 } from "./types.ts";
+
+/** Media type of a snapshot. */
+const SNAPSHOT = "application/vnd.firn.snapshot";
 
 /** Which cells of the fixed grid to read. */
 export interface CellsQuery extends Omit<GetCellsQuery, "fields"> {
@@ -89,9 +94,29 @@ export class Session {
     await send(this.access, this.path("/step"), { method: "DELETE" });
   }
 
-  /** Back to the state it was created in. */
-  reset(): Promise<SessionView> {
-    return this.call("/reset", { method: "POST" });
+  /** Back to the state it was created in, or to a restore point. */
+  reset(checkpoint?: string): Promise<SessionView> {
+    return this.call("/reset", { method: "POST", body: { checkpoint } });
+  }
+
+  /** Makes it what a snapshot of the same grid and ground holds. */
+  resetToSnapshot(snapshot: ArrayBuffer | Uint8Array): Promise<SessionView> {
+    return this.call("/reset", { method: "POST", body: snapshot, contentType: SNAPSHOT });
+  }
+
+  /** Its restore points, in ascending order of their names. */
+  async checkpoints(): Promise<Checkpoint[]> {
+    return (await this.call<CheckpointList>("/checkpoints")).items;
+  }
+
+  /** Keeps its present state under a name; a restore point of that name is replaced. */
+  putCheckpoint(name: string): Promise<Checkpoint> {
+    return this.call(`/checkpoints/${encodeURIComponent(name)}`, { method: "PUT" });
+  }
+
+  /** Deletes a restore point. */
+  async deleteCheckpoint(name: string): Promise<void> {
+    await send(this.access, this.path(`/checkpoints/${encodeURIComponent(name)}`), { method: "DELETE" });
   }
 
   /** New tokens; the old ones stop working. */
@@ -101,8 +126,7 @@ export class Session {
 
   /** The whole session in one piece, for `Firn.restoreSession`. */
   async snapshot(): Promise<ArrayBuffer> {
-    const accept = "application/vnd.firn.snapshot";
-    return (await send(this.access, this.path("/snapshot"), { accept })).arrayBuffer();
+    return (await send(this.access, this.path("/snapshot"), { accept: SNAPSHOT })).arrayBuffer();
   }
 
   /** A hash of what a snapshot holds. */

@@ -4,6 +4,8 @@
 
 export type {
   CellsView as Cells,
+  CheckpointView as Checkpoint,
+  CheckpointList,
   Clearing,
   ClearingReply,
   ColliderView as Collider,

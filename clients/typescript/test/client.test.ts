@@ -95,8 +95,18 @@ test("a session's life over REST", async () => {
   for await (const { id } of firn.sessions()) names.push(id);
   assert.deepEqual(names, ["copy", "life"]);
 
+  const kept = await session.putCheckpoint("deep");
+  assert.deepEqual(await session.checkpoints(), [kept]);
+  const saved = await session.snapshot();
   await session.clear({ depth: 1 });
   assert.ok((await session.get()).summary.max_height <= 1);
+  assert.equal((await session.reset("deep")).tick, kept.tick);
+  assert.equal((await session.digest()).digest, digest);
+  await session.deleteCheckpoint("deep");
+  await assert.rejects(session.reset("deep"), { status: 404 });
+  await session.clear({ depth: 1 });
+  await session.resetToSnapshot(saved);
+  assert.equal((await session.digest()).digest, digest);
   assert.equal((await session.reset()).tick, 0);
   await session.delete();
   await firn.session("copy").delete();

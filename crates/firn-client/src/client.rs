@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use firn_protocol::{CreatedSession, SessionSpec, is_valid_id};
 use reqwest::header::{self, HeaderValue};
-use reqwest::{Method, Response, Url};
+use reqwest::{Method, RequestBuilder, Response, Url};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -93,11 +93,24 @@ impl Client {
         body: Option<&(impl Serialize + ?Sized)>,
     ) -> Result<T, Error> {
         let what = format!("{method} {path}");
-        let response = self.send(method, path, body).await?;
-        let answer = accepted(response, &what).await?.bytes().await;
-        let unreadable = |why| Error::Unreadable { what: what.clone(), why };
-        let answer = answer.map_err(|error| unreadable(root_cause(&error)))?;
-        serde_json::from_slice(&answer).map_err(|error| unreadable(error.to_string()))
+        read_json(self.send(method, path, body).await?, what).await
+    }
+
+    /// Sends bytes of a media type and reads the answer as JSON.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] where the server says why not.
+    pub(crate) async fn call_with_bytes<T: DeserializeOwned>(
+        &self,
+        method: Method,
+        path: &str,
+        media_type: &'static str,
+        body: Vec<u8>,
+    ) -> Result<T, Error> {
+        let (what, url) = (format!("{method} {path}"), self.url(path));
+        let request = self.request(method, &url).header(header::CONTENT_TYPE, media_type);
+        let unreachable = |error| Error::Unreachable { url, why: root_cause(&error) };
+        read_json(request.body(body).send().await.map_err(unreachable)?, what).await
     }
 
     /// Sends a request and ignores the body of its answer.
@@ -137,15 +150,21 @@ impl Client {
         body: Option<&(impl Serialize + ?Sized)>,
     ) -> Result<Response, Error> {
         let url = self.url(path);
-        let mut request = self.http.request(method, &url);
+        let mut request = self.request(method, &url);
         if let Some(body) = body {
             request = request.json(body);
         }
-        if let Some(bearer) = &self.bearer {
-            request = request.header(header::AUTHORIZATION, bearer);
-        }
         let unreachable = |error| Error::Unreachable { url, why: root_cause(&error) };
         request.send().await.map_err(unreachable)
+    }
+
+    /// A request with the key, where there is one.
+    fn request(&self, method: Method, url: &str) -> RequestBuilder {
+        let request = self.http.request(method, url);
+        match &self.bearer {
+            Some(bearer) => request.header(header::AUTHORIZATION, bearer),
+            None => request,
+        }
     }
 
     /// Where something of the server is.
@@ -177,6 +196,14 @@ impl Client {
 /// Refuses a name that no session or object can have: in a path it could lead the request elsewhere.
 pub(crate) fn checked(id: &str) -> Result<&str, Error> {
     if is_valid_id(id) { Ok(id) } else { Err(Error::Name(id.to_owned())) }
+}
+
+/// An answer in JSON.
+async fn read_json<T: DeserializeOwned>(response: Response, what: String) -> Result<T, Error> {
+    let answer = accepted(response, &what).await?.bytes().await;
+    let unreadable = |why| Error::Unreadable { what: what.clone(), why };
+    let answer = answer.map_err(|error| unreadable(root_cause(&error)))?;
+    serde_json::from_slice(&answer).map_err(|error| unreadable(error.to_string()))
 }
 
 /// A response, unless it is a problem.

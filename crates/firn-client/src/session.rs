@@ -2,18 +2,21 @@
 
 use firn_protocol::stream::SubProtocol;
 use firn_protocol::{
-    AirTemperature, AirTemperatureReply, Clearing, ClearingReply, ColliderBatch, ColliderPatch,
-    ColliderReply, ColliderSpec, ColumnView, MassView, ProbeBatch, ProbeReply, SampleBatch,
-    SampleReply, SessionView, SettingsPatch, Snowfall, SnowfallReply, Stamp, StepSpec, Terrain,
-    UsageView,
+    AirTemperature, AirTemperatureReply, CheckpointList, CheckpointView, Clearing, ClearingReply,
+    ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColumnView, MassView, ProbeBatch,
+    ProbeReply, ResetSpec, SampleBatch, SampleReply, SessionView, SettingsPatch, Snowfall,
+    SnowfallReply, Stamp, StepSpec, Terrain, UsageView,
 };
 use reqwest::Method;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::client::{Client, checked};
-use crate::error::Error;
+use crate::error::{Error, root_cause};
 use crate::stream::Stream;
+
+/// Media type of a snapshot.
+const SNAPSHOT: &str = "application/vnd.firn.snapshot";
 
 /// A body where there is none.
 const NONE: Option<&()> = None;
@@ -72,6 +75,45 @@ impl Session {
     /// Brings it back to the state in which it was created.
     pub async fn reset(&self) -> Result<SessionView, Error> {
         self.client.call(Method::POST, &self.path("/reset"), NONE).await
+    }
+
+    /// Brings it back to a restore point.
+    pub async fn reset_to_checkpoint(&self, name: &str) -> Result<SessionView, Error> {
+        let to = ResetSpec { checkpoint: Some(checked(name)?.to_owned()) };
+        self.post("/reset", &to).await
+    }
+
+    /// Makes it what a snapshot of the same grid and ground holds.
+    pub async fn reset_to_snapshot(&self, snapshot: Vec<u8>) -> Result<SessionView, Error> {
+        self.client.call_with_bytes(Method::POST, &self.path("/reset"), SNAPSHOT, snapshot).await
+    }
+
+    /// All of it in one piece.
+    pub async fn snapshot(&self) -> Result<Vec<u8>, Error> {
+        let path = self.path("/snapshot");
+        let read = self.client.fetch(&path).await?.bytes().await;
+        let unreadable = |error| Error::Unreadable { what: path, why: root_cause(&error) };
+        read.map(Vec::from).map_err(unreadable)
+    }
+
+    /// Its restore points.
+    pub async fn checkpoints(&self) -> Result<CheckpointList, Error> {
+        self.get("/checkpoints").await
+    }
+
+    /// A restore point.
+    pub async fn checkpoint(&self, name: &str) -> Result<CheckpointView, Error> {
+        self.client.call(Method::GET, &self.checkpoint_path(name)?, NONE).await
+    }
+
+    /// Keeps its present state under a name; a restore point of that name is replaced.
+    pub async fn put_checkpoint(&self, name: &str) -> Result<CheckpointView, Error> {
+        self.client.call(Method::PUT, &self.checkpoint_path(name)?, NONE).await
+    }
+
+    /// Deletes a restore point.
+    pub async fn delete_checkpoint(&self, name: &str) -> Result<(), Error> {
+        self.client.tell(Method::DELETE, &self.checkpoint_path(name)?, NONE).await
     }
 
     /// Steps it while it is paused.
@@ -168,6 +210,10 @@ impl Session {
     /// Opens a height stream, and reads its welcome.
     pub async fn stream(&self, protocol: SubProtocol) -> Result<Stream, Error> {
         Stream::open(&self.client, &self.id, protocol).await
+    }
+
+    fn checkpoint_path(&self, name: &str) -> Result<String, Error> {
+        Ok(self.path(&format!("/checkpoints/{}", checked(name)?)))
     }
 
     fn collider_path(&self, id: &str) -> Result<String, Error> {

@@ -201,11 +201,11 @@ impl Record {
 
     /// Its restore points, with all that is on its way.
     pub fn points(&self) -> &Arc<RestorePoints> {
-        let points = |part| match part {
-            &Part::Points(ref points) => Some(points),
+        let points = self.pending_parts().rev().find_map(|part| match part {
+            Part::Points(points) => Some(points),
             _ => None,
-        };
-        self.pending_parts().rev().find_map(points).unwrap_or(&self.stored.points)
+        });
+        points.unwrap_or(&self.stored.points)
     }
 
     /// Tick that it has come to at a beat, as [`Stored::tick_at`], with all that is on its way.

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .stream import Stream
 from .types import (
+    Checkpoint,
     ClearingReply,
     Collider,
     ColliderSpec,
@@ -108,9 +109,24 @@ class Session:
         """Ends the step under way at the tick it has reached; 409 where there is none."""
         self._call("DELETE", "/step")
 
-    def reset(self) -> SessionView:
-        """Back to the state it was created in."""
-        return cast(SessionView, self._call("POST", "/reset"))
+    def reset(self, *, checkpoint: str | None = None, snapshot: bytes | None = None) -> SessionView:
+        """Back to the state it was created in, to a restore point, or to what a snapshot of the same grid holds."""
+        if snapshot is not None:
+            headers = {"content-type": "application/vnd.firn.snapshot"}
+            return cast(SessionView, self._call("POST", "/reset", content=snapshot, headers=headers))
+        return cast(SessionView, self._call("POST", "/reset", json={"checkpoint": checkpoint}))
+
+    def checkpoints(self) -> list[Checkpoint]:
+        """Its restore points, in ascending order of their names."""
+        return list(self._call("GET", "/checkpoints")["items"])
+
+    def put_checkpoint(self, name: str) -> Checkpoint:
+        """Keeps its present state under a name; a restore point of that name is replaced."""
+        return cast(Checkpoint, self._call("PUT", f"/checkpoints/{quote(name, safe='')}"))
+
+    def delete_checkpoint(self, name: str) -> None:
+        """Deletes a restore point."""
+        self._call("DELETE", f"/checkpoints/{quote(name, safe='')}")
 
     def snapshot(self) -> bytes:
         """All of it in one piece, for `Client.restore_session`."""

@@ -7,6 +7,7 @@ from . import generated
 
 Ack = generated.AckMessage
 Box = generated.ShapeBox
+Checkpoint = generated.CheckpointView
 ClearingReply = generated.ClearingReply
 Collider = generated.ColliderView
 ColliderSpec = generated.ColliderSpec

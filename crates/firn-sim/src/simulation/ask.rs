@@ -77,7 +77,11 @@ impl Simulation {
         let object = self.dice.random_range(0..4);
         let missing = self.models[name].found().is_none();
         let beginning = self.dice.random_range(0..=self.models[name].snapshots());
+        let kept = self.models[name].found().and_then(|state| state.kept.keys().next().copied());
+        let steps = |request: &Request| matches!(request.operation, Operation::Step(_));
+        let stepping = self.waiting.iter().any(|it| it.session == name && steps(it));
         let operation = match self.dice.random_range(0..100) {
+            0..50 if stepping => Operation::EndStep,
             0..50 if missing => Operation::Create(beginning),
             0..8 => Operation::Create(beginning),
             8..12 => Operation::Delete,
@@ -90,16 +94,16 @@ impl Simulation {
             58..62 => Operation::Reissue,
             62..70 => Operation::Air(-self.dice.random_range(1..30)),
             70..78 => Operation::Pause(self.dice.random_bool(0.3)),
-            // Few of them end before it is told how far they have come.
             78..80 => Operation::Step(self.dice.random_range(1..200)),
-            80..82 => Operation::Step(self.dice.random_range(200..20_000)),
+            // Of several frames.
+            80..82 => Operation::Step(self.dice.random_range(10_000..50_000)),
             82..90 => Operation::Put(object, self.dice.random_range(1..100)),
             90..92 => Operation::Remove(object),
-            92..94 => Operation::EndStep,
-            94..96 => Operation::Keep(object),
-            96 => Operation::Forget(object),
+            92..95 => Operation::Keep(object),
+            95 => Operation::Forget(kept.unwrap_or(object)),
+            96 => Operation::EndStep,
             97 => Operation::Reset,
-            98 => Operation::GoBack(object),
+            98 => Operation::GoBack(kept.unwrap_or(object)),
             _ if beginning > 0 => Operation::Restore(beginning),
             _ => Operation::Reset,
         };

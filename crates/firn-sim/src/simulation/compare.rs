@@ -83,14 +83,21 @@ impl Simulation {
         NAMES.into_iter().try_for_each(|name| self.serve(name))
     }
 
-    /// Where nothing fails nothing is refused: a session can be made, and snow falls.
+    /// Where nothing fails nothing is refused: a session can be made, snow falls, and states are kept and come
+    /// back.
     fn serve(&mut self, name: &'static str) -> Result<(), String> {
         let model = &self.models[name];
         let missing = model.found().is_none();
         if missing && self.dice.random_bool(0.5) {
             return Ok(());
         }
-        let operation = if missing { Operation::Create(0) } else { Operation::Snowfall(1) };
+        let kept = model.found().and_then(|state| state.kept.keys().next().copied());
+        let operation = match (self.dice.random_range(0..10), kept) {
+            _ if missing => Operation::Create(0),
+            (0, Some(name)) => Operation::GoBack(name),
+            (1, _) => Operation::Keep(self.dice.random_range(0..4)),
+            _ => Operation::Snowfall(1),
+        };
         let Some(life) = &self.life else { return Err("there is no server".to_owned()) };
         let sent =
             client::send(life.sessions.clone(), name.to_owned(), operation.clone(), None, model);
