@@ -148,7 +148,7 @@ async fn a_session_becomes_what_a_snapshot_holds(backend: BackendChoice) {
     assert_eq!(answer.expect(200)["imbalance_quanta"], 0, "its token stays");
     // What it is now can be saved and restored again.
     let twin = server.post_bytes("/v1/sessions?id=twin", SNAPSHOT, snapshot(&server, path).await);
-    twin.expect(201);
+    twin.await.expect(201);
     assert_eq!(digest(&server, "/v1/sessions/twin").await, digest(&server, path).await);
 
     let first = server.post(&reset, json!({})).await.expect(200);

@@ -169,7 +169,10 @@ impl Simulation {
         if let Some(job) = &mut self.step
             && job.is_to_tell(now)
         {
-            let progress = Some(job.progress());
+            // Reads show no less than what streams were told.
+            let progress = job.progress();
+            self.session.show_progress(progress);
+            let progress = Some(progress);
             self.tell(vec![Event::StepProgress { stamp, progress }.into()]);
         }
     }
