@@ -96,7 +96,7 @@ impl Simulation {
             70..78 => Operation::Pause(self.dice.random_bool(0.3)),
             78..80 => Operation::Step(self.dice.random_range(1..200)),
             // Of several frames.
-            80..82 => Operation::Step(self.dice.random_range(10_000..50_000)),
+            80..82 => Operation::Step(self.dice.random_range(500..2000)),
             82..90 => Operation::Put(object, self.dice.random_range(1..100)),
             90..92 => Operation::Remove(object),
             92..95 => Operation::Keep(object),
