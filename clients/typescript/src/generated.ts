@@ -576,15 +576,17 @@ export interface components {
         /** @description Material constants of a snowpack to be made; those of its preset where there are none. */
         MaterialSpec: {
             /** @description Density of fresh snow [kg/m³], up to `max_density`. */
-            fresh_density?: number | null;
+            fresh_density?: number;
             /** @description Density at which snow compacts no further [kg/m³]. */
-            max_density?: number | null;
+            max_density?: number;
             /** @description Exponent n of the stiffness law k = ρⁿ. */
-            stiffness_exponent?: number | null;
-            hardness_law?: components["schemas"]["HardnessLaw"] | null;
+            stiffness_exponent?: number;
+            /** @description The hardness law. */
+            hardness_law?: components["schemas"]["HardnessLaw"];
             /** @description Grain size δ [mm], read by the law `gold` only. */
-            grain_size_mm?: number | null;
-            load_distribution?: components["schemas"]["LoadDistribution"] | null;
+            grain_size_mm?: number;
+            /** @description How loads spread with depth. */
+            load_distribution?: components["schemas"]["LoadDistribution"];
         };
         /** @description Memory that a session takes [bytes]. */
         MemoryBytes: {
@@ -840,7 +842,7 @@ export interface components {
             /** @description Material constants. */
             material?: components["schemas"]["MaterialSpec"];
             /** @description Temperature of the air [°C], and of fresh snow; the preset's where there is none. */
-            air_temperature?: number | null;
+            air_temperature?: number;
             /** @description Simulated seconds per second. */
             time_scale?: number;
             /** @description Ticks per second [Hz]. */

@@ -606,20 +606,23 @@ class Material(TypedDict):
 class MaterialSpec(TypedDict):
     """Material constants of a snowpack to be made; those of its preset where there are none."""
 
-    fresh_density: NotRequired[float | None]
+    fresh_density: NotRequired[float]
     """Density of fresh snow [kg/m³], up to `max_density`."""
 
-    max_density: NotRequired[float | None]
+    max_density: NotRequired[float]
     """Density at which snow compacts no further [kg/m³]."""
 
-    stiffness_exponent: NotRequired[float | None]
+    stiffness_exponent: NotRequired[float]
     """Exponent n of the stiffness law k = ρⁿ."""
 
-    hardness_law: NotRequired[HardnessLaw | None]
-    grain_size_mm: NotRequired[float | None]
+    hardness_law: NotRequired[HardnessLaw]
+    """The hardness law."""
+
+    grain_size_mm: NotRequired[float]
     """Grain size δ [mm], read by the law `gold` only."""
 
-    load_distribution: NotRequired[LoadDistribution | None]
+    load_distribution: NotRequired[LoadDistribution]
+    """How loads spread with depth."""
 
 
 class MemoryBytes(TypedDict):
@@ -952,7 +955,7 @@ class SessionSpec(TypedDict):
     material: NotRequired[MaterialSpec]
     """Material constants."""
 
-    air_temperature: NotRequired[float | None]
+    air_temperature: NotRequired[float]
     """Temperature of the air [°C], and of fresh snow; the preset's where there is none."""
 
     time_scale: NotRequired[float]
