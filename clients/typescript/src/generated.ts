@@ -75,6 +75,24 @@ export interface components {
                 [key: string]: (number | null)[];
             };
         };
+        /** @description The restore points of a session. */
+        CheckpointList: {
+            /** @description All of them, in ascending order of their names. */
+            items: components["schemas"]["CheckpointView"][];
+        };
+        /** @description A restore point: a state of a session that is kept under a name. */
+        CheckpointView: {
+            /** @description Its name. */
+            name: string;
+            /** @description Tick of the state. */
+            tick: number;
+            /** @description Simulated time of the state [s]. */
+            sim_time: number;
+            /** @description When it was kept, RFC 3339. */
+            created_at: string;
+            /** @description Length of its snapshot [bytes]. */
+            bytes: number;
+        };
         /** @description A plough: leaves at most a depth of snow standing. */
         Clearing: {
             /** @description Depth left standing [m]. */
@@ -558,7 +576,7 @@ export interface components {
             op: "ping";
             id?: components["schemas"]["Id"];
         };
-        /** @description Nothing moves any more, or the session is back in its first state. */
+        /** @description Nothing moves any more, or the session was reset, to its first state or another. */
         PlainEvent: {
             /** @constant */
             op: "event";
@@ -675,6 +693,11 @@ export interface components {
             width: number;
             /** @description Extent along z [m]. */
             depth: number;
+        };
+        /** @description Body of `POST …/reset`. */
+        ResetSpec: {
+            /** @description Name of the restore point to go back to; `null` for the state that the session was created in. */
+            checkpoint?: string | null;
         };
         /** @description Number of the newest published change. */
         Seq: number;
@@ -1084,6 +1107,8 @@ export type Alive = components['schemas']['Alive'];
 export type Auth = components['schemas']['Auth'];
 export type CellOrigin = components['schemas']['CellOrigin'];
 export type CellsView = components['schemas']['CellsView'];
+export type CheckpointList = components['schemas']['CheckpointList'];
+export type CheckpointView = components['schemas']['CheckpointView'];
 export type Clearing = components['schemas']['Clearing'];
 export type ClearingEvent = components['schemas']['ClearingEvent'];
 export type ClearingMessage = components['schemas']['ClearingMessage'];
@@ -1143,6 +1168,7 @@ export type Progress = components['schemas']['Progress'];
 export type Readiness = components['schemas']['Readiness'];
 export type ReadyStatus = components['schemas']['ReadyStatus'];
 export type Region = components['schemas']['Region'];
+export type ResetSpec = components['schemas']['ResetSpec'];
 export type Seq = components['schemas']['Seq'];
 export type SessionSpec = components['schemas']['SessionSpec'];
 export type SessionView = components['schemas']['SessionView'];

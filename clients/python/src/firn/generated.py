@@ -58,6 +58,32 @@ class CellOrigin(TypedDict):
     """Along y, from the lowest ground up."""
 
 
+class CheckpointList(TypedDict):
+    """The restore points of a session."""
+
+    items: list[CheckpointView]
+    """All of them, in ascending order of their names."""
+
+
+class CheckpointView(TypedDict):
+    """A restore point: a state of a session that is kept under a name."""
+
+    name: str
+    """Its name."""
+
+    tick: int
+    """Tick of the state."""
+
+    sim_time: float
+    """Simulated time of the state [s]."""
+
+    created_at: str
+    """When it was kept, RFC 3339."""
+
+    bytes: int
+    """Length of its snapshot [bytes]."""
+
+
 class Clearing(TypedDict):
     """A plough: leaves at most a depth of snow standing."""
 
@@ -588,7 +614,7 @@ class PingMessage(TypedDict):
 
 
 class PlainEvent(TypedDict):
-    """Nothing moves any more, or the session is back in its first state."""
+    """Nothing moves any more, or the session was reset, to its first state or another."""
 
     op: Literal["event"]
     event: Literal["settled", "reset"]
@@ -735,6 +761,13 @@ class Region(TypedDict):
 
     depth: float
     """Extent along z [m]."""
+
+
+class ResetSpec(TypedDict):
+    """Body of `POST …/reset`."""
+
+    checkpoint: NotRequired[str | None]
+    """Name of the restore point to go back to; `null` for the state that the session was created in."""
 
 
 class Resume(TypedDict):

@@ -5,6 +5,7 @@ import type { Look } from "../look.ts";
 import type { Model } from "../model.ts";
 import type { Mover } from "../pointer.ts";
 import type { Viewport } from "../viewport.ts";
+import { checkpointsSection } from "./checkpoints.ts";
 import { lookSection } from "./look.ts";
 import { measureSection } from "./measure.ts";
 import { objectsSection } from "./objects.ts";
@@ -27,7 +28,14 @@ export interface Desk {
 /** The panel, and what puts an object somewhere [m]. */
 export function panel(desk: Desk): { element: HTMLElement; place: (x: number, z: number) => void } {
   const objects = objectsSection(desk);
-  const sections = [timeSection(desk), snowSection(desk), lookSection(desk), objects.element, measureSection(desk)];
+  const sections = [
+    timeSection(desk),
+    snowSection(desk),
+    lookSection(desk),
+    objects.element,
+    measureSection(desk),
+    checkpointsSection(desk),
+  ];
   return { element: h("aside", { class: "panel", "aria-label": "Controls" }, ...sections), place: objects.place };
 }
 
