@@ -166,7 +166,7 @@ async fn a_session_goes_back(backend: BackendChoice) {
     let session = field(&server).await;
     let mut stream = session.stream(SubProtocol::Json).await.unwrap();
     let kept = session.put_checkpoint("full").await.unwrap();
-    assert_eq!(session.checkpoints().await.unwrap().items, [kept.clone()]);
+    assert_eq!(session.checkpoints().await.unwrap().items, std::slice::from_ref(&kept));
     assert_eq!(session.checkpoint("full").await.unwrap(), kept);
     let snapshot = session.snapshot().await.unwrap();
     assert_eq!(kept.bytes, snapshot.len() as u64);

@@ -106,6 +106,23 @@ test("create a session, add snow, see it settle, delete the session", async () =
   await press(page, "Step");
   await page.getByText(`Tick ${tick + 30}`).waitFor();
 
+  await field(page, "Keep as").fill("settled");
+  await press(page, "Keep this state");
+  await page.getByText("Kept as settled.").waitFor();
+  await press(page, "Step");
+  await page.getByText(`Tick ${tick + 60}`).waitFor();
+  await press(page, "Go back to settled");
+  await page.getByText("Back to settled.").waitFor();
+  assert.equal((await firn.session("ridge").get()).tick, tick + 30);
+  await press(page, "Delete settled");
+  await page.getByText("Go back").waitFor({ state: "detached" });
+
+  await field(page, "Step").fill("1000000");
+  await firn.session("ridge").patch({ snowfall_rate: 100 });
+  await press(page, "Step");
+  await press(page, "End the step");
+  await page.getByText(/^Tick \d+\.$/).waitFor();
+
   await press(page, "Get mass");
   await page.getByText("0 quanta").waitFor();
   await press(page, "Get height");

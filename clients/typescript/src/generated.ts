@@ -632,7 +632,7 @@ export interface components {
             op: "ping";
             id?: components["schemas"]["Id"];
         };
-        /** @description Nothing moves any more, or the session is back in its first state. */
+        /** @description Nothing moves any more, or the session was reset, to its first state or another. */
         PlainEvent: {
             /** @constant */
             op: "event";

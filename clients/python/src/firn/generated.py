@@ -685,7 +685,7 @@ class PingMessage(TypedDict):
 
 
 class PlainEvent(TypedDict):
-    """Nothing moves any more, or the session is back in its first state."""
+    """Nothing moves any more, or the session was reset, to its first state or another."""
 
     op: Literal["event"]
     event: Literal["settled", "reset"]

@@ -5,6 +5,7 @@ import type { Look } from "../look.ts";
 import type { Model } from "../model.ts";
 import type { Mover } from "../pointer.ts";
 import type { Viewport } from "../viewport.ts";
+import { checkpointsSection } from "./checkpoints.ts";
 import { lookSection } from "./look.ts";
 import { measureSection } from "./measure.ts";
 import { objectsSection } from "./objects.ts";
@@ -35,6 +36,7 @@ export function panel(desk: Desk): { element: HTMLElement; place: (x: number, z:
     lookSection(desk),
     objects.element,
     measureSection(desk),
+    checkpointsSection(desk),
   ];
   return { element: h("aside", { class: "panel", "aria-label": "Controls" }, ...sections), place: objects.place };
 }
