@@ -91,10 +91,10 @@ impl Session {
         self.reset_to(Beginning::Origin(saved)).await
     }
 
-    /// Makes the session what a snapshot of the same grid and ground holds; name, tokens and seqs go on.
+    /// Makes the session what a snapshot of the same grid holds; name, tokens and seqs go on.
     ///
     /// # Errors
-    /// [`SessionError::Invalid`] where the snapshot is damaged or of another grid or ground, and
+    /// [`SessionError::Invalid`] where the snapshot is damaged or of another grid, and
     /// [`SessionError::Conflict`] while it is being stepped.
     pub async fn reset_to_snapshot(&self, bytes: Vec<u8>) -> Result<SessionView, SessionError> {
         self.check_unlocked()?;

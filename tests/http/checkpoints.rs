@@ -11,7 +11,8 @@ on_each_backend!(
     a_session_goes_back_to_what_is_kept,
     there_are_no_more_restore_points_than_may_be,
     a_session_becomes_what_a_snapshot_holds,
-    a_snapshot_of_other_ground_is_refused,
+    a_snapshot_of_another_grid_is_refused,
+    a_snapshot_brings_its_ground_along,
 );
 
 const SNAPSHOT: &str = "application/vnd.firn.snapshot";
@@ -156,22 +157,18 @@ async fn a_session_becomes_what_a_snapshot_holds(backend: BackendChoice) {
     server.stop().await;
 }
 
-async fn a_snapshot_of_other_ground_is_refused(backend: BackendChoice) {
+async fn a_snapshot_of_another_grid_is_refused(backend: BackendChoice) {
     let server = Server::start(backend).await;
     let path = eventful(&server).await;
     let before = digest(&server, &path).await;
     let reset = format!("{path}/reset");
     let mut wide = small();
     wide["grid"]["width"] = json!(12);
-    let mut hilly = small();
-    let hill: Vec<f64> = (0..70).map(|column| f64::from(column) * 0.01).collect();
-    hilly["terrain"] = json!({ "heights": hill });
-    for (body, why) in [(wide, "12 × 7 × 20 cells of 0.2 m"), (hilly, "other ground")] {
-        let other = server.create(body).await;
-        let bytes = snapshot(&server, &other).await;
-        let problem = server.post_bytes(&reset, SNAPSHOT, bytes).await.problem(422);
-        assert!(problem["errors"][0]["detail"].as_str().unwrap().contains(why), "{problem}");
-    }
+    let other = server.create(wide).await;
+    let bytes = snapshot(&server, &other).await;
+    let problem = server.post_bytes(&reset, SNAPSHOT, bytes).await.problem(422);
+    let detail = problem["errors"][0]["detail"].as_str().unwrap();
+    assert!(detail.contains("12 × 7 × 20 cells of 0.2 m"), "{problem}");
     let mut damaged = snapshot(&server, &path).await;
     let middle = damaged.len() / 2;
     damaged[middle] ^= 1;
@@ -179,5 +176,28 @@ async fn a_snapshot_of_other_ground_is_refused(backend: BackendChoice) {
         server.post_bytes(&reset, SNAPSHOT, bytes).await.problem(422);
     }
     assert_eq!(digest(&server, &path).await, before, "nothing has changed");
+    server.stop().await;
+}
+
+async fn a_snapshot_brings_its_ground_along(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let (flat, mut hilly) = (server.create(small()).await, small());
+    let hill: Vec<f64> = (0..70).map(|column| f64::from(column) * 0.01).collect();
+    hilly["terrain"] = json!({ "heights": hill });
+    let hilly = server.create(hilly).await;
+    let taken = [snapshot(&server, &flat).await, snapshot(&server, &hilly).await];
+    let ground = async |path: &str| {
+        server.get(&format!("{path}/terrain")).await.expect(200)["heights"].clone()
+    };
+    for (path, bytes, expected) in
+        [(&flat, &taken[1], json!(hill)), (&hilly, &taken[0], json!(vec![0.0; 70]))]
+    {
+        let reset = format!("{path}/reset");
+        server.post_bytes(&reset, SNAPSHOT, bytes.clone()).await.expect(200);
+        assert_eq!(ground(path).await, expected);
+        let again = snapshot(&server, path).await;
+        server.post_bytes(&reset, SNAPSHOT, again).await.expect(200);
+        assert_eq!(ground(path).await, expected);
+    }
     server.stop().await;
 }

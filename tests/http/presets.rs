@@ -75,9 +75,9 @@ async fn a_preset_fills_what_is_not_given(backend: BackendChoice) {
         assert_eq!(layers[0]["temperature"], preset.air_temperature());
         server.delete(&path).await;
     }
-    let given = json!({"preset": "powder", "paused": true, "air_temperature": null,
+    let given = json!({"preset": "powder", "paused": true,
         "grid": {"width": 8, "depth": 8, "height": 5, "cell_size": 0.2},
-        "material": {"max_density": 250, "hardness_law": "gold", "fresh_density": null}});
+        "material": {"max_density": 250, "hardness_law": "gold"}});
     let path = server.create(given).await;
     let powder = Preset::Powder.material();
     let mut wanted = serde_json::to_value(powder).unwrap();

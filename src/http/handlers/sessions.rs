@@ -260,7 +260,7 @@ pub async fn end_step(Target(session): Target) -> Result<StatusCode, Problem> {
 /// Reset a session
 ///
 /// Back to the state it was created in: snow, settings, clock and ledger, without colliders. Where the body
-/// names a restore point, back to that; where it is a snapshot of the same grid and ground, the session becomes
+/// names a restore point, back to that; where it is a snapshot of the same grid, the session becomes
 /// what that holds. Its name, its tokens and what it was created with stay, and seqs go on.
 #[utoipa::path(
     post,
