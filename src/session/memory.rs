@@ -19,7 +19,7 @@ const OBJECT: usize = 208;
 const EVENTS: usize = EVENT_BACKLOG * (size_of::<Arc<[Happening]>>() + 48);
 
 /// What the engine knows of a tile: where its cells are, and its places in lists of tiles.
-const TILE: usize = 24;
+const TILE: usize = 32;
 
 /// What the streams keep beside a session.
 pub trait Companion: Any + fmt::Debug + Send + Sync {

@@ -1,9 +1,10 @@
 //! Samples: the snow at many points.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use firn_protocol::{SampleBatch, SampleField, SampleFields, SampleReply};
-use firn_snow::{Column, Grid};
+use firn_snow::{Cell, Column, Grid};
 use rayon::prelude::*;
 
 use crate::core::session::{Check, SessionError, gather};
@@ -97,31 +98,54 @@ fn check(batch: &SampleBatch, grid: &Grid, dt: f64) -> Result<(), SessionError> 
 fn said(batch: &SampleBatch, found: Found, grid: &Grid) -> SampleFields {
     let gathered = &found.gathered;
     let wants = |field| batch.fields.contains(&field);
-    let at_points = AtPoints { batch, found: &found, grid };
+    let kinds = Kinds::new(&gathered.columns);
+    let places: Vec<usize> = match gathered.columns.len() {
+        0 => Vec::new(),
+        _ => batch.points.iter().map(|&point| kinds.of[found.place(point, grid)]).collect(),
+    };
     let density = |column: &Column| column.cells.last().map(|top| gather::density(top, grid));
     let hardness =
         |column: &Column| column.surface_hardness(grid, &gathered.material).map(f64::from);
     let load = batch.load.filter(|_| wants(SampleField::Sink));
     SampleFields {
-        density: wants(SampleField::Density).then(|| at_points.values(density)),
-        hardness: wants(SampleField::Hardness).then(|| at_points.values(hardness)),
-        sink: load.map(|load| at_points.values(|column| sink(column, &load, gathered, grid))),
+        density: wants(SampleField::Density).then(|| kinds.values(&places, density)),
+        hardness: wants(SampleField::Hardness).then(|| kinds.values(&places, hardness)),
+        sink: load.map(|load| kinds.values(&places, |column| sink(column, &load, gathered, grid))),
         ..gathered.surface.clone()
     }
 }
 
-/// The points of a batch, and the columns that they are on.
-struct AtPoints<'a> {
-    batch: &'a SampleBatch,
-    found: &'a Found,
-    grid: &'a Grid,
+/// Columns, each kind once: where snow fell evenly and nobody has been since, they are alike to the last bit.
+struct Kinds<'a> {
+    columns: Vec<&'a Column>,
+    /// The kind of each column.
+    of: Vec<usize>,
 }
 
-impl AtPoints<'_> {
-    /// A value of the columns at each of the points. A column is looked at once, however many points are on it.
-    fn values<T: Copy + Send>(&self, value: impl Fn(&Column) -> T + Send + Sync) -> Vec<T> {
-        let values: Vec<T> = self.found.gathered.columns.par_iter().map(value).collect();
-        let points = self.batch.points.iter();
-        points.map(|&point| values[self.found.place(point, self.grid)]).collect()
+impl<'a> Kinds<'a> {
+    fn new(columns: &'a [Column]) -> Kinds<'a> {
+        // Stress is evaluated under the load that is tried.
+        let bits = |cell: &Cell| (cell.mass, cell.thickness, cell.temperature.to_bits());
+        let mut known = HashMap::new();
+        let mut kinds = Kinds { columns: Vec::new(), of: Vec::with_capacity(columns.len()) };
+        for column in columns {
+            let key: Vec<_> = column.cells.iter().map(bits).collect();
+            let kind = *known.entry(key).or_insert_with(|| {
+                kinds.columns.push(column);
+                kinds.columns.len() - 1
+            });
+            kinds.of.push(kind);
+        }
+        kinds
+    }
+
+    /// A value at places of some kinds.
+    fn values<T: Copy + Send>(
+        &self,
+        places: &[usize],
+        value: impl Fn(&Column) -> T + Send + Sync,
+    ) -> Vec<T> {
+        let values: Vec<T> = self.columns.par_iter().map(|column| value(column)).collect();
+        places.iter().map(|&kind| values[kind]).collect()
     }
 }
