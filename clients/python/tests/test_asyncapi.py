@@ -156,6 +156,8 @@ async def test_examples_are_what_a_server_says(client: Client, protocol: str) ->
         assert f"| {socket.close_code} |" in DOCUMENT["info"]["description"]
 
     for example in examples(TOLD):
+        if example.get("event") in ("step_progress", "terrain"):  # no part of this conversation
+            continue
         if example.get("event") == "settled":  # when that is, is the clock's business
             example = example | {"tick": settled["tick"], "seq": settled["seq"]}
         assert with_epoch(example, epoch) in story.heard
