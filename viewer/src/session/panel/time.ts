@@ -23,7 +23,7 @@ export function timeSection(desk: Desk): HTMLElement {
   };
   const stepButton = action("Step", {}, () => step({ ticks: ticks.valueAsNumber }), report);
   const settleButton = action("Settle", {}, () => step({ until_settled: true, max_seconds: 3600 }), report);
-  const bar = h("progress", { "aria-label": "Progress of the step" });
+  const bar = h("progress", { "aria-label": "Progress" });
   const endButton = action("End the step", {}, () => session.endStep().then(refresh), report);
   const underWay = h("div", { class: "buttons" }, bar, endButton);
   const resetButton = action("Reset", {}, () => session.reset().then(refresh), report);
