@@ -16,7 +16,7 @@ use super::state::App;
 /// A JSON body.
 pub struct Json<T>(pub T);
 
-/// A JSON body that may be left out; an empty one and `null` stand for `{}`.
+/// A JSON body that may be left out; an empty one stands for `{}`.
 pub struct OptionalJson<T>(pub T);
 
 /// Path parameters.
@@ -56,7 +56,7 @@ impl<T: DeserializeOwned> FromRequest<App> for OptionalJson<T> {
     async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
         let media_type = expect_json(request.headers());
         let body = read_body(request, app).await?;
-        if body.is_empty() || body.trim_ascii() == b"null" {
+        if body.is_empty() {
             return problem::parse(b"{}").map(OptionalJson);
         }
         media_type?;

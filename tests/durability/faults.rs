@@ -126,7 +126,7 @@ async fn a_disk_that_fails_refuses_changes_and_nothing_else(backend: BackendChoi
         }
         assert!(!server.sessions.vitals().store.is_healthy(), "whoever watches is told");
         server.post(&format!("{path}/step"), json!({"ticks": 5})).await.problem(507);
-        server.post(&format!("{path}/reset"), Value::Null).await.problem(507);
+        server.post(&format!("{path}/reset"), json!({})).await.problem(507);
         server.post("/v1/sessions", small()).await.problem(507);
         server.delete(&format!("{path}/colliders/boot")).await.problem(507);
         server.delete(&path).await.problem(507);

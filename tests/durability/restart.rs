@@ -63,7 +63,7 @@ async fn a_session_that_came_back_equals_its_twin(backend: BackendChoice) {
         assert_ne!(back["epoch"], created["epoch"], "each start begins another one");
         // A reset leads to the same beginning in both.
         for process in [&twin, &server] {
-            carry_out(process, id, &[(Method::POST, "/reset".to_owned(), Value::Null)]).await;
+            carry_out(process, id, &[(Method::POST, "/reset".to_owned(), json!({}))]).await;
             carry_out(process, id, &history(seed + 10, 5)).await;
         }
         server.kill().await;

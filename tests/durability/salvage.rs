@@ -188,7 +188,7 @@ async fn what_comes_back_stands_still_and_is_locked_until_an_administrator_says_
             (Method::PATCH, "", json!({"paused": false})),
             (Method::PUT, "/colliders/boot", collider),
             (Method::POST, "/step", json!({"ticks": 1})),
-            (Method::POST, "/reset", Value::Null),
+            (Method::POST, "/reset", json!({})),
             (Method::POST, "/tokens", Value::Null),
             (Method::DELETE, "", Value::Null),
         ] {

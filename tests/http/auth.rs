@@ -104,7 +104,7 @@ async fn each_token_allows_what_it_is_for() {
         (Method::PUT, url("/checkpoints/p"), Value::Null),
         (Method::POST, url("/reset"), json!({"checkpoint": "p"})),
         (Method::DELETE, url("/checkpoints/p"), Value::Null),
-        (Method::POST, url("/reset"), Value::Null),
+        (Method::POST, url("/reset"), json!({})),
     ];
     for (method, url, body) in &reads {
         for token in [KEY, &token, &viewer] {

@@ -135,7 +135,7 @@ async fn a_restored_session_is_reset_to_what_was_saved(backend: BackendChoice) {
     server.delete(&format!("{twin}/colliders/a")).await;
     server.post(&format!("{twin}/step"), json!({"ticks": 50})).await.expect(200);
     assert_ne!(digest(&server, twin).await, saved);
-    server.post(&format!("{twin}/reset"), Value::Null).await.expect(200);
+    server.post(&format!("{twin}/reset"), json!({})).await.expect(200);
     assert_eq!(digest(&server, twin).await, saved);
     server.stop().await;
 }
@@ -219,7 +219,7 @@ async fn a_reset_leads_back_to_the_digest_of_the_beginning(backend: BackendChoic
     server.step(&path, 77).await;
     server.patch(&path, json!({"air_temperature": -9, "tick_rate": 30})).await.expect(200);
     assert_ne!(digest(&server, &path).await, beginning);
-    server.post(&format!("{path}/reset"), Value::Null).await.expect(200);
+    server.post(&format!("{path}/reset"), json!({})).await.expect(200);
     assert_eq!(digest(&server, &path).await, beginning);
     server.stop().await;
 }

@@ -98,7 +98,7 @@ async fn each_scope_allows_what_it_is_for() {
         (Method::POST, url("/snowfalls"), json!({"depth": 0.1})),
         (Method::PATCH, url(""), json!({"time_scale": 2})),
         (Method::POST, url("/step"), json!({"ticks": 1})),
-        (Method::POST, url("/reset"), Value::Null),
+        (Method::POST, url("/reset"), json!({})),
         (Method::POST, url("/tokens"), Value::Null),
         (Method::POST, "/v1/sessions".to_owned(), small()),
     ];
