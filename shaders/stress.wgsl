@@ -19,6 +19,8 @@ var<immediate> work: Pass;
 @group(0) @binding(12) var<storage, read> mass: array<u32>;
 @group(0) @binding(13) var<storage, read> thickness: array<u32>;
 @group(0) @binding(14) var<storage, read_write> stress: array<f32>;
+// How high undersides that are not flat are over the columns, in thickness quanta.
+@group(0) @binding(15) var<storage, read> lifts: array<u32>;
 
 const TWO_TO_ONE: u32 = 0u;
 const UNIFORM: u32 = 1u;
@@ -39,7 +41,12 @@ fn load_on(session: Session, load: u32, position: vec2<u32>, surface: Elevation)
         return vec2(0.0);
     }
     let contact = contacts[collider.contact];
-    let share = f32(share_units(contact.bottom, surface)) / f32(CONTACT_DEPTH);
+    var touching = surface;
+    if collider.first_lift != NONE {
+        let index = row * (collider.x1 - collider.x0) + position.x - collider.x0;
+        touching = less(surface, lifts[collider.first_lift + index]);
+    }
+    let share = f32(share_units(contact.bottom, touching)) / f32(CONTACT_DEPTH);
     return vec2(contact.pressure * share, contact.width);
 }
 

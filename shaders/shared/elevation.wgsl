@@ -6,6 +6,12 @@ fn surface_of(ground: Elevation, height: u32) -> Elevation {
     return Elevation(ground.cells + i32(height / CELL + fraction / CELL), fraction % CELL);
 }
 
+// The elevation so far below another, in quanta.
+fn less(elevation: Elevation, depth: u32) -> Elevation {
+    let fraction = elevation.fraction + CELL - depth % CELL;
+    return Elevation(elevation.cells - i32(depth / CELL) - 1 + i32(fraction / CELL), fraction % CELL);
+}
+
 // How far one elevation lies above another, in quanta. Whole cells are cut to [-1, 32] before they are
 // joined with the fractions, so that any relief fits a word: what is farther away touches nothing.
 fn difference(upper: Elevation, lower: Elevation) -> i32 {

@@ -12,7 +12,7 @@ const MASS_QUANTUM: f32 = 1.0 / 262144.0;
 const GRAVITY: f32 = 9.81;
 // Depth over which contact is soft, in thickness quanta.
 const CONTACT_DEPTH: u32 = 838861u;
-// A tile without a session; as a fraction, no elevation.
+// A tile without a session; as a fraction, no elevation; a footprint without lifts.
 const NONE: u32 = 0xffffffffu;
 
 // Bits of a tile's state.
@@ -87,7 +87,7 @@ struct Tally {
     mass_high: atomic<u32>,
 }
 
-// An object in this frame.
+// A footprint of an object in this frame.
 struct Collider {
     session: u32,
     // Its row in the table of contacts.
@@ -107,6 +107,12 @@ struct Collider {
     placed: u32,
     // Not 0 where a cycle follows this evaluation.
     runs: u32,
+    // Footprints of the object, whose rows follow each other; 0 but in the first of them.
+    footprints: u32,
+    // Columns that are beyond the grid.
+    overhang: u32,
+    // First of the lifts over its columns; NONE where it is flat.
+    first_lift: u32,
 }
 
 // How an object touches the snow.

@@ -170,7 +170,8 @@ fn drive(host: &Host, session: &Session, case: Case, samples: u32) -> Result<Mea
     let way = extent - 4.0;
     for step in 0..WARM_UP as u32 + samples {
         let x = 2.0 + (f64::from(step) * STRIDE) % way.max(0.1);
-        let batch = ColliderBatch { put: wheels(x.min(extent), extent / 2.0), delete: Vec::new() };
+        let put = wheels(x.min(extent), extent / 2.0);
+        let batch = ColliderBatch { put, ..ColliderBatch::default() };
         host.runtime.block_on(session.change(Change::Colliders(batch)))?;
         host.sleep(Duration::from_secs_f64(1.0 / FRAME_RATE));
         driven.extend(host.frames_since(&mut seen).filter(|frame| frame.published_tiles > 0));
@@ -183,8 +184,9 @@ fn wheels(x: f64, z: f64) -> Vec<ColliderSpec> {
     let wheel = |&(id, dx, dz): &(&str, f64, f64)| ColliderSpec {
         id: Some(id.to_owned()),
         mass: WHEEL_LOAD,
-        shape: Shape::Box { width: 0.4, depth: 0.4 },
+        shape: Some(Shape::Box { width: 0.4, depth: 0.4 }),
         position: Position { x: (x + dx).max(0.0), z: (z + dz).max(0.0) },
+        ..ColliderSpec::default()
     };
     WHEELS.iter().map(wheel).collect()
 }

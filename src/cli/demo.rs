@@ -26,10 +26,11 @@ pub async fn create(sessions: &Sessions) -> Result<(), SessionError> {
         .map(|&(id, side, x, z)| ColliderSpec {
             id: Some(id.to_owned()),
             mass: 100.0,
-            shape: Shape::Box { width: side, depth: side },
+            shape: Some(Shape::Box { width: side, depth: side }),
             position: Position { x, z },
+            ..ColliderSpec::default()
         })
         .collect();
-    session.change(Change::Colliders(ColliderBatch { put, delete: Vec::new() })).await?;
+    session.change(Change::Colliders(ColliderBatch { put, ..ColliderBatch::default() })).await?;
     Ok(())
 }

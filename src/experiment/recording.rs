@@ -65,7 +65,9 @@ async fn record(
 ) -> Result<Recording, SessionError> {
     let put: Vec<_> = setup.plates.iter().map(Plate::spec).collect();
     if !put.is_empty() {
-        session.change(Change::Colliders(ColliderBatch { put, delete: Vec::new() })).await?;
+        session
+            .change(Change::Colliders(ColliderBatch { put, ..ColliderBatch::default() }))
+            .await?;
     }
     let mut samples = Samples::default();
     let (mut fresh, mut early) = (None, None);

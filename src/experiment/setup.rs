@@ -74,8 +74,9 @@ impl Plate {
         ColliderSpec {
             id: Some(self.id.to_owned()),
             mass: Plate::MASS,
-            shape: Shape::Box { width: self.side, depth: self.side },
+            shape: Some(Shape::Box { width: self.side, depth: self.side }),
             position: self.position,
+            ..ColliderSpec::default()
         }
     }
 }

@@ -52,7 +52,7 @@ impl Api {
 
     /// Puts objects on a session's snow.
     pub async fn put(&self, id: &str, put: Vec<ColliderSpec>) -> Result<(), LoadError> {
-        let batch = ColliderBatch { put, delete: Vec::new() };
+        let batch = ColliderBatch { put, ..ColliderBatch::default() };
         Ok(self.session(id)?.change_colliders(&batch).await.map(drop)?)
     }
 

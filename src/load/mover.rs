@@ -94,10 +94,11 @@ fn batch(plan: &Plan, time: f64) -> Command {
         ColliderSpec {
             id: Some(format!("object-{i}")),
             mass: MASS,
-            shape: Shape::Box { width: SIDE, depth: SIDE },
+            shape: Some(Shape::Box { width: SIDE, depth: SIDE }),
             position: Position { x, z },
+            ..ColliderSpec::default()
         }
     };
     let put = (0..plan.colliders).map(object).collect();
-    Command::Colliders { id: 1, batch: ColliderBatch { put, delete: Vec::new() } }
+    Command::Colliders { id: 1, batch: ColliderBatch { put, ..ColliderBatch::default() } }
 }

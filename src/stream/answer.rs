@@ -128,7 +128,7 @@ mod tests {
     use super::*;
     use crate::session::Invalid;
     use firn_protocol::SnowfallReply;
-    use firn_snow::{Position, Shape};
+    use firn_snow::{Object, Position, Shape};
 
     fn value(text: &str) -> Value {
         serde_json::from_str(text).expect("answers are JSON")
@@ -153,9 +153,12 @@ mod tests {
     fn a_collider_keeps_its_own_id_apart_from_that_of_the_request() {
         let collider = ColliderView {
             id: "sledge".to_owned(),
-            mass: 1.0,
-            shape: Shape::Disk { radius: 0.5 },
-            position: Position { x: 1.0, z: 2.0 },
+            object: Object {
+                mass: 1.0,
+                shape: Some(Shape::Disk { radius: 0.5 }),
+                position: Position { x: 1.0, z: 2.0 },
+                ..Object::default()
+            },
             bottom: 3.0,
             sink_depth: 0.25,
             contact_area: 0.5,

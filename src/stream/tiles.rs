@@ -105,13 +105,12 @@ impl Sampling {
 
 /// Whether an object's bounding box meets a rectangle of columns.
 pub fn meets(collider: &ColliderView, columns: &ColumnRect, grid: &Grid) -> bool {
-    let (half_x, half_z) = collider.shape.half_extents();
-    let overlaps = |centre: f64, half: f64, from: u32, to: u32| {
-        centre + half > f64::from(from) * grid.cell_size
-            && centre - half < f64::from(to) * grid.cell_size
+    let (low, high) = collider.object.bounds();
+    let overlaps = |low: f64, high: f64, from: u32, to: u32| {
+        high > f64::from(from) * grid.cell_size && low < f64::from(to) * grid.cell_size
     };
-    overlaps(collider.position.x, half_x, columns.x0, columns.x1)
-        && overlaps(collider.position.z, half_z, columns.z0, columns.z1)
+    overlaps(low.x, high.x, columns.x0, columns.x1)
+        && overlaps(low.z, high.z, columns.z0, columns.z1)
 }
 
 /// What begins every part of a message.

@@ -64,7 +64,7 @@ impl Plates {
         let id = entry["id"].as_str().unwrap();
         let (_, mass, shape) = self.0.iter().find(|(name, ..)| name == id).unwrap();
         let (x, z) = (&entry["position"]["x"], &entry["position"]["z"]);
-        put(grid, id, *mass, *shape, x.as_f64().unwrap(), z.as_f64().unwrap())
+        put(grid, id, *mass, shape.clone(), x.as_f64().unwrap(), z.as_f64().unwrap())
     }
 }
 

@@ -127,6 +127,9 @@ fn host_and_shaders_agree_on_every_struct() {
             weight,
             placed,
             runs,
+            footprints,
+            overhang,
+            first_lift,
         }
     );
     compare_layout!(module, Elevation { cells, fraction });

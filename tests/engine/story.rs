@@ -6,7 +6,7 @@ use std::sync::Arc;
 use firn_engine::frame::{
     Backend, ColumnRead, Contents, Edit, Placement, Run, SampleBox, TileCells, Work, WorkOutcome,
 };
-use firn_snow::{Column, Contact, Elevation, Floor, Grid, Material, Sample, Shape};
+use firn_snow::{Column, Contact, Elevation, Floor, Grid, Material, Object, Position, Sample};
 
 use crate::support::*;
 
@@ -65,7 +65,7 @@ impl Story {
 }
 
 /// Objects that stand somewhere.
-type Standing = HashMap<&'static str, (Shape, f64, f64, Arc<Placement>)>;
+type Standing = HashMap<&'static str, (Object, Arc<Placement>)>;
 
 /// What a snowpack may be brought back to.
 struct Saved {
@@ -90,16 +90,17 @@ fn any_edit(dice: &mut Dice, standing: &mut Standing) -> Edit {
             Edit::RemoveCollider { id: id.into() }
         }
         kind => {
-            let shape = Shape::Box { width: dice.range(0.2, 1.8), depth: dice.range(0.2, 1.8) };
-            let (x, z) = (dice.range(1.0, 7.4), dice.range(1.0, 5.0));
+            let position = Position { x: dice.range(0.0, 8.4), z: dice.range(0.0, 6.0) };
+            let other = any_object(dice, position);
             // Or another mass is put where it stands.
             let stays = standing.get(id).filter(|_| kind < 12);
-            let stays = stays.map(|(shape, x, z, _)| (*shape, *x, *z));
-            let (shape, x, z) = stays.unwrap_or((shape, x, z));
-            let mut put = put(&GRID, id, dice.range(10.0, 200.0), shape, x, z);
+            let stays = stays.map(|(object, _)| Object { mass: other.mass, ..object.clone() });
+            let moves = stays.is_none();
+            let object = stays.unwrap_or(other);
+            let mut put = put_object(&GRID, id, &object);
             if let Edit::PutCollider { placed, collider, .. } = &mut put {
-                *placed = stays.is_none();
-                standing.insert(id, (shape, x, z, collider.clone()));
+                *placed = moves;
+                standing.insert(id, (object, collider.clone()));
             }
             put
         }
@@ -186,7 +187,7 @@ fn all_columns() -> ColumnRead {
 
 fn save(outcome: &WorkOutcome, standing: &Standing) -> Saved {
     let object = |(id, contact): &(Arc<str>, Contact)| {
-        let (_, _, _, placement) = &standing[&**id];
+        let (_, placement) = &standing[&**id];
         (id.clone(), placement.clone(), *contact)
     };
     let colliders = outcome.contacts.iter().map(object).collect();

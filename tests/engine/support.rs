@@ -10,7 +10,7 @@ use firn_engine::frame::{
 };
 use firn_engine::gpu::GpuBackend;
 use firn_snow::{
-    CELL, ColumnRect, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, TILE_COLUMNS,
+    CELL, ColumnRect, Grid, MASS_QUANTA, Material, Object, Part, Position, Shape, TILE_COLUMNS,
 };
 
 /// The GPU, or `None` where the environment says that there is none to test.
@@ -73,14 +73,17 @@ pub fn snow(grid: &Grid, columns: ColumnRect, depth: f64, density: f64, celsius:
     })
 }
 
-/// An object put somewhere.
+/// An object of one shape put somewhere.
 pub fn put(grid: &Grid, id: &str, mass: f64, shape: Shape, x: f64, z: f64) -> Edit {
-    let footprint = Footprint::new(grid, &shape, Position { x, z }).expect("inside the grid");
-    Edit::PutCollider {
-        id: Arc::from(id),
-        collider: Arc::new(Placement { mass, footprint }),
-        placed: true,
-    }
+    let position = Position { x, z };
+    put_object(grid, id, &Object { mass, shape: Some(shape), position, ..Object::default() })
+}
+
+/// An object put on the snow.
+pub fn put_object(grid: &Grid, id: &str, object: &Object) -> Edit {
+    let footprints = object.on(grid).expect("it stands in the grid");
+    let collider = Arc::new(Placement { mass: object.load(), footprints });
+    Edit::PutCollider { id: Arc::from(id), collider, placed: true }
 }
 
 /// Heights of all columns [m], row by row.
@@ -175,4 +178,48 @@ impl Dice {
         let celsius = if self.unit() < 0.5 { -3.0 } else { self.range(-40.0, 0.0) };
         snow(grid, columns, depth, density, celsius)
     }
+}
+
+/// Any outline, of at most so many metres.
+fn any_shape(dice: &mut Dice, most: f64) -> Shape {
+    let (a, b) = (dice.range(0.01, most), dice.range(0.01, most));
+    match dice.below(5) {
+        0 => Shape::Box { width: a, depth: b },
+        1 => Shape::Disk { radius: a / 2.0 },
+        2 => Shape::Capsule { length: a.max(b), radius: a.min(b) / 2.0 },
+        3 => {
+            // A triangle around the centre.
+            let mut corner = |angle: f64| {
+                let angle = angle + dice.range(0.0, 1.5);
+                [a * 0.6 * angle.cos(), b * 0.6 * angle.sin()]
+            };
+            Shape::Polygon { corners: vec![corner(0.0), corner(2.1), corner(4.2)] }
+        }
+        _ => Shape::Wheel { width: a / 2.0, radius: b / 2.0 },
+    }
+}
+
+/// Any object around a place: of one shape or of several, turned, and now and then held up.
+pub fn any_object(dice: &mut Dice, position: Position) -> Object {
+    let mut object = Object {
+        mass: dice.range(1.0, 300.0),
+        position,
+        heading: if dice.unit() < 0.3 { 0.0 } else { dice.range(-180.0, 540.0) },
+        airborne: dice.unit() < 0.1,
+        ..Object::default()
+    };
+    if dice.unit() < 0.6 {
+        object.shape = Some(any_shape(dice, 2.0));
+    } else {
+        let part = |dice: &mut Dice, reach: f64| Part {
+            shape: any_shape(dice, 0.8),
+            offset: Position { x: dice.range(-reach, reach), z: dice.range(-reach, reach) },
+            heading: dice.range(0.0, 360.0),
+        };
+        // The first is where the object is: that one has a column in the grid.
+        let others = 0..dice.below(4);
+        object.footprints = vec![part(dice, 0.0)];
+        object.footprints.extend(others.map(|_| part(dice, 0.8)));
+    }
+    object
 }

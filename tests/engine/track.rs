@@ -1,7 +1,7 @@
 //! An object that travels: it leaves a track, and the snow carries its weight at every tick.
 
 use firn_engine::frame::{Backend, Edit, Run, Work};
-use firn_snow::{Elevation, Footprint, GRAVITY, Grid, Material, Position, Shape, share};
+use firn_snow::{Elevation, Footprint, GRAVITY, Grid, Material, Position, Shape, Turn, share};
 
 use crate::support::*;
 
@@ -25,11 +25,11 @@ fn travel(backend: &mut dyn Backend) {
     let mut last: Vec<u32> = Vec::new();
     for step in 0..MOVES {
         let (x, z) = place(step);
-        let edits = vec![put(&grid, "cart", MASS, shape, x, z)];
+        let edits = vec![put(&grid, "cart", MASS, shape.clone(), x, z)];
         // A paused frame, so that contact is evaluated on heights that can be read.
         let outcome = work(backend, Work { slot: 0, edits, publish: true, ..Work::default() });
         let contact = outcome.contacts[0].1;
-        let footprint = Footprint::new(&grid, &shape, Position { x, z }).unwrap();
+        let footprint = Footprint::new(&grid, &shape, Position { x, z }, Turn::NONE);
         let tiles = cells(backend, 0, &grid);
         let carried: f64 = footprint
             .iter()

@@ -10,6 +10,12 @@ on_each_backend!(
     a_collider_is_created_changed_and_removed,
     put_creates_and_replaces,
     a_batch_is_applied_whole_or_not_at_all,
+    a_batch_may_skip_what_is_in_error,
+    a_turned_box_leaves_the_print_of_the_turned_box,
+    a_body_stands_on_all_of_its_feet,
+    what_hangs_over_the_edge_is_carried_there,
+    what_is_held_up_presses_nothing,
+    a_wheel_rides_on_its_rim,
     colliders_are_listed_in_pages,
     what_can_not_stand_there_is_refused,
     a_session_has_room_for_so_many,
@@ -21,6 +27,15 @@ on_each_backend!(
 fn plate(side: f64, x: f64, z: f64) -> Value {
     json!({"mass": 100, "shape": {"type": "box", "width": side, "depth": side},
         "position": {"x": x, "z": z}})
+}
+
+fn foot(x: f64) -> Value {
+    json!({"shape": {"type": "box", "width": 0.2, "depth": 0.4}, "offset": {"x": x, "z": 0}})
+}
+
+/// A body that stands on several footprints.
+fn feet(footprints: Value) -> Value {
+    json!({"mass": 80, "footprints": footprints, "position": {"x": 1.1, "z": 0.7}})
 }
 
 fn named(id: &str, mut collider: Value) -> Value {
@@ -105,7 +120,8 @@ async fn a_batch_is_applied_whole_or_not_at_all(backend: BackendChoice) {
     let before = server.get(&path).await.expect(200);
     for (body, pointer) in [
         (
-            json!({"put": [named("c", plate(0.2, 1.0, 0.7)), named("d", plate(0.2, 9.0, 0.7))]}),
+            json!({"put": [named("c", plate(0.2, 1.0, 0.7)), named("d", plate(0.2, 9.0, 0.7))],
+                "on_error": "refuse"}),
             "/put/1/position",
         ),
         (json!({"put": [plate(0.2, 1.0, 0.7)]}), "/put/0/id"),
@@ -113,7 +129,7 @@ async fn a_batch_is_applied_whole_or_not_at_all(backend: BackendChoice) {
             json!({"put": [named("c", plate(0.2, 1.0, 0.7)), named("c", plate(0.4, 1.0, 0.7))]}),
             "/put/1/id",
         ),
-        (json!({"put": [named("c", plate(0.2, 1.0, 0.7))], "delete": ["a", "x"]}), "/delete/1"),
+        (json!({"put": [], "on_error": "ignore"}), "/on_error"),
         (json!({"put": [{"id": "c", "mass": "heavy"}]}), "/put/0/mass"),
         (json!({"puts": []}), "/puts"),
     ] {
@@ -124,9 +140,156 @@ async fn a_batch_is_applied_whole_or_not_at_all(backend: BackendChoice) {
     server.post(&batch, json!({ "delete": many })).await.problem(422);
     assert_eq!(server.get(&path).await.expect(200), before, "nothing changed");
 
-    let body = json!({"put": [named("c", plate(0.2, 1.0, 0.7))], "delete": ["a"]});
-    server.post(&batch, body).await.expect(200);
+    // What is not there needs no removal.
+    let body = json!({"put": [named("c", plate(0.2, 1.0, 0.7))], "delete": ["a", "nobody"]});
+    let reply = server.post(&batch, body).await.expect(200);
+    assert!(reply.get("results").is_none(), "{reply}");
     assert_eq!(ids().await, ["b", "c"]);
+    server.stop().await;
+}
+
+async fn a_batch_may_skip_what_is_in_error(backend: BackendChoice) {
+    let mut options = Options::default();
+    options.limits.colliders_per_session = 3;
+    let server = Server::start_with(backend, options).await;
+    let path = server.create(small()).await;
+    server.put(&format!("{path}/colliders/a"), plate(0.2, 0.5, 0.5)).await.expect(201);
+    server.put(&format!("{path}/colliders/b"), plate(0.2, 0.5, 0.5)).await.expect(201);
+    let body = json!({
+        "put": [
+            named("a", plate(0.4, 0.5, 0.5)),
+            named("c", plate(0.2, 9.0, 0.7)),
+            plate(0.2, 1.0, 0.7),
+            named("b", plate(0.2, 1.0, 0.7)),
+            named("a", plate(0.2, 1.0, 0.7)),
+            named("c", plate(0.2, 1.0, 0.7)),
+            named("d", plate(0.2, 1.0, 0.7)),
+        ],
+        "delete": ["b", "nobody"],
+        "on_error": "skip",
+    });
+    let reply = server.post(&format!("{path}/colliders:batch"), body).await.expect(200);
+    let results = |list: &str| -> Vec<Value> {
+        let entries = reply["results"][list].as_array().unwrap().iter();
+        entries.map(|entry| entry["result"].clone()).collect()
+    };
+    assert_eq!(results("delete"), ["removed", "absent"]);
+    assert_eq!(
+        results("put"),
+        ["replaced", "skipped", "skipped", "created", "skipped", "created", "skipped"]
+    );
+    let put = &reply["results"]["put"];
+    for (i, pointer) in [(1, "/put/1/position"), (2, "/put/2/id"), (4, "/put/4/id"), (6, "/put/6")]
+    {
+        assert_eq!(put[i]["errors"][0]["pointer"], pointer, "{put}");
+    }
+    assert_eq!((&put[5]["id"], put[5].get("errors")), (&json!("c"), None));
+    let list = server.get(&format!("{path}/colliders")).await.expect(200);
+    let stands = |i: usize| (&list["items"][i]["id"], &list["items"][i]["position"]["x"]);
+    assert_eq!(stands(0), (&json!("a"), &json!(0.5)));
+    assert_eq!(stands(1), (&json!("b"), &json!(1.0)));
+    assert_eq!(stands(2), (&json!("c"), &json!(1.0)));
+    server.stop().await;
+}
+
+async fn a_turned_box_leaves_the_print_of_the_turned_box(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let print = async |shape: Value, heading: f64| {
+        let path = server.create(small()).await;
+        let ski = json!({"mass": 40, "shape": shape, "position": {"x": 1.0, "z": 0.7},
+            "heading": heading});
+        let put = server.put(&format!("{path}/colliders/ski"), ski).await.expect(201);
+        assert_eq!(put["heading"], heading);
+        server.step(&path, 300).await;
+        (server.heights(&path).await, put["pressure"].clone())
+    };
+    let long = json!({"type": "box", "width": 0.3, "depth": 1.1});
+    let wide = json!({"type": "box", "width": 1.1, "depth": 0.3});
+    let east = print(long.clone(), 90.0).await;
+    assert_eq!(east, print(wide, 0.0).await);
+    assert_eq!(east, print(long.clone(), -90.0).await);
+    assert_ne!(east.0, print(long, 45.0).await.0);
+    server.stop().await;
+}
+
+async fn a_body_stands_on_all_of_its_feet(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let path = server.create(small()).await;
+    let one = format!("{path}/colliders/walker");
+    let walker = feet(json!([foot(-0.3), foot(0.3)]));
+    let put = server.put(&one, walker).await.expect(201);
+    assert!(put.get("shape").is_none(), "{put}");
+    assert_eq!(put["footprints"][1]["offset"], json!({"x": 0.3, "z": 0.0}));
+    let near = |value: &Value, wanted: f64| (value.as_f64().unwrap() / wanted - 1.0).abs() < 1e-4;
+    assert!(near(&put["contact_area"], 0.16), "{put}");
+    assert!(near(&put["pressure"], 80.0 * 9.81 / 0.16), "{put}");
+    server.step(&path, 600).await;
+    let heights = server.heights(&path).await;
+    let at = |x: usize, z: usize| heights[z * 10 + x];
+    assert!(at(4, 3) < at(0, 0) - 0.05 && at(7, 3) < at(0, 0) - 0.05, "{heights:?}");
+    assert_eq!(at(5, 0), at(0, 0), "snow between and beside the feet stands");
+
+    // On one leg it presses harder.
+    let hop = server.patch(&one, json!({"footprints": [foot(0.3)]})).await.expect(200);
+    assert!(near(&hop["contact_area"], 0.08), "{hop}");
+    let disk = json!({"type": "disk", "radius": 0.3});
+    let rolled = server.patch(&one, json!({ "shape": disk })).await.expect(200);
+    assert!(rolled.get("footprints").is_none() && rolled["shape"] == disk, "{rolled}");
+    let both = json!({"shape": disk, "footprints": [foot(0.0)]});
+    assert_eq!(server.patch(&one, both).await.pointers(422), ["/footprints"]);
+    server.stop().await;
+}
+
+async fn what_hangs_over_the_edge_is_carried_there(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let path = server.create(small()).await;
+    let put = server.put(&format!("{path}/colliders/a"), plate(0.8, 0.0, 0.7)).await.expect(201);
+    let near = |value: &Value, wanted: f64| (value.as_f64().unwrap() / wanted - 1.0).abs() < 1e-4;
+    assert!(near(&put["contact_area"], 0.64), "{put}");
+    assert!(near(&put["pressure"], 981.0 / 0.64), "{put}");
+    server.stop().await;
+}
+
+async fn what_is_held_up_presses_nothing(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let still = server.create(small()).await;
+    let path = server.create(small()).await;
+    let one = format!("{path}/colliders/jumper");
+    let mut jumper = plate(0.4, 1.0, 0.7);
+    jumper["airborne"] = json!(true);
+    let put = server.put(&one, jumper).await.expect(201);
+    for field in ["pressure", "contact_area", "sink_depth"] {
+        assert_eq!(put[field], 0.0, "{put}");
+    }
+    server.step(&still, 300).await;
+    server.step(&path, 300).await;
+    assert_eq!(server.heights(&path).await, server.heights(&still).await);
+    let landed = server.patch(&one, json!({"airborne": false})).await.expect(200);
+    assert!(landed["pressure"].as_f64().unwrap() > 6000.0, "{landed}");
+    assert_eq!(landed["sink_depth"], 0.0, "it sinks from where it has landed");
+    let saved = server.get(&format!("{path}/colliders/jumper")).await.expect(200);
+    assert_eq!(saved["airborne"], false);
+    server.stop().await;
+}
+
+async fn a_wheel_rides_on_its_rim(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let mut world = small();
+    world["grid"] = json!({"width": 40, "depth": 40, "height": 20, "cell_size": 0.05});
+    let path = server.create(world).await;
+    let one = format!("{path}/colliders/wheel");
+    let wheel = json!({"mass": 60, "shape": {"type": "wheel", "width": 0.2, "radius": 0.3},
+        "position": {"x": 1.0, "z": 1.0}, "heading": 90});
+    let put = server.put(&one, wheel).await.expect(201);
+    let area = put["contact_area"].as_f64().unwrap();
+    assert!(area >= 0.2 * 0.05 && area < 0.2 * 0.2, "it touches with its lowest line: {put}");
+    server.step(&path, 600).await;
+    let sunk = server.get(&one).await.expect(200);
+    let (depth, wider) =
+        (sunk["sink_depth"].as_f64().unwrap(), sunk["contact_area"].as_f64().unwrap());
+    assert!(depth > 0.03 && wider > area, "the deeper, the more of its rim: {sunk}");
+    let chord = 2.0 * (2.0 * 0.3 * depth - depth * depth).sqrt();
+    assert!(wider <= 0.2 * (chord + 2.0 * 0.05), "{sunk}");
     server.stop().await;
 }
 
@@ -156,10 +319,50 @@ async fn what_can_not_stand_there_is_refused(backend: BackendChoice) {
         collider
     };
     for (body, pointer) in [
-        (plate(0.4, 0.1, 0.7), "/position"),
-        (plate(0.4, 1.9, 0.7), "/position"),
-        (plate(2.0, 1.0, 0.7), "/position"),
+        (plate(0.4, -0.2, 0.7), "/position"),
+        (plate(0.4, 2.3, 0.7), "/position"),
         (with("position", json!({"x": -1, "z": 0})), "/position"),
+        (with("heading", json!("north")), "/heading"),
+        (with("heading", json!(1e9)), "/heading"),
+        (with("airborne", json!(1)), "/airborne"),
+        (with("footprints", json!([foot(0.1)])), "/footprints"),
+        (with("shape", Value::Null), "/shape"),
+        (feet(json!([])), "/shape"),
+        (feet(json!(vec![foot(0.1); 17])), "/footprints"),
+        (feet(json!([{"shape": {"type": "disk", "radius": 0.1}}])), "/footprints/0/offset"),
+        (
+            feet(json!([{"shape": {"type": "disk", "radius": -1}, "offset": {"x": 0, "z": 0}}])),
+            "/footprints/0/shape/radius",
+        ),
+        (
+            feet(json!([foot(0.1), {"shape": {"type": "disk", "radius": 1},
+                "offset": {"x": 1e5, "z": 0}}])),
+            "/footprints/1/offset/x",
+        ),
+        (with("shape", json!({"type": "capsule", "length": 0.1, "radius": 0.1})), "/shape/length"),
+        (with("shape", json!({"type": "capsule", "length": 1})), "/shape/radius"),
+        (with("shape", json!({"type": "wheel", "width": 0.1, "radius": 9})), "/shape/radius"),
+        (
+            with("shape", json!({"type": "box", "width": 1, "depth": 1, "radius": 1})),
+            "/shape/radius",
+        ),
+        (with("shape", json!({"type": "polygon", "corners": [[0, 0], [1, 0]]})), "/shape/corners"),
+        (
+            with("shape", json!({"type": "polygon", "corners": [[0, 0], [1, 0], [2, 0]]})),
+            "/shape/corners",
+        ),
+        (
+            with(
+                "shape",
+                json!({"type": "polygon",
+                "corners": [[0, 0], [1, 0], [0.1, 0.1], [0, 1]]}),
+            ),
+            "/shape/corners",
+        ),
+        (
+            with("shape", json!({"type": "polygon", "corners": [[0, 0], [1e9, 0], [0, 1]]})),
+            "/shape/corners/1/0",
+        ),
         (with("position", json!({"x": 1})), "/position/z"),
         (with("position", json!({"x": 1, "z": 0.7, "y": 2})), "/position/y"),
         (with("mass", json!(0)), "/mass"),

@@ -2,7 +2,7 @@
 
 use firn_snow::{
     CELL, Column, Footprint, GRAVITY, Grid, HardnessLaw, LoadDistribution, MASS_QUANTA, Material,
-    Position, Shape, Snowpack, SurfaceLoad,
+    Position, Shape, Snowpack, SurfaceLoad, Turn,
 };
 use proptest::prelude::*;
 
@@ -90,7 +90,7 @@ proptest! {
         let mass = 10_f64.powf(magnitude) * side * side / GRAVITY;
         let shape = Shape::Box { width: side, depth: side };
         let position = Position { x: cell_size, z: cell_size };
-        let footprint = Footprint::new(&grid, &shape, position).expect("it fits the grid");
+        let footprint = Footprint::new(&grid, &shape, position, Turn::NONE);
         let (x, z) = footprint.iter().next().expect("it covers a column");
 
         let pressure = (mass * GRAVITY / footprint.area) as f32;
@@ -98,7 +98,7 @@ proptest! {
         let before = snowpack.column(x, z).clone();
         let foretold = before.equilibrium(&grid, &material, load, dt as f32);
 
-        snowpack.put_collider("plate".into(), mass, footprint, true);
+        snowpack.put_collider("plate".into(), mass, vec![footprint], true);
         snowpack.evaluate();
         settle(&mut snowpack, dt);
         let after = snowpack.column(x, z);
@@ -176,8 +176,12 @@ fn snow_too_stiff_to_move_a_quantum_rests_above_its_hardness() {
     snowpack.put_collider(
         "plate".into(),
         20_000.0 * 0.16 / GRAVITY,
-        Footprint::new(&grid, &Shape::Box { width: 0.4, depth: 0.4 }, Position { x: 0.2, z: 0.2 })
-            .expect("it fits the grid"),
+        vec![Footprint::new(
+            &grid,
+            &Shape::Box { width: 0.4, depth: 0.4 },
+            Position { x: 0.2, z: 0.2 },
+            Turn::NONE,
+        )],
         true,
     );
     assert_eq!(snowpack.run(1000, 1.0 / 60.0), 0, "a real plate moves nothing either");

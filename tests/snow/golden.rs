@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use firn::session::Clock;
 use firn_snow::{
-    Column, Contact, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Snowpack, SurfaceLoad,
+    Column, Contact, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Snowpack,
+    SurfaceLoad, Turn,
 };
 use serde::Deserialize;
 
@@ -131,8 +132,8 @@ impl Trial {
 
     fn put(&mut self, id: &str, position: Position) {
         let (mass, shape) = &self.colliders[id];
-        let footprint = Footprint::new(&self.spec.grid, shape, position).expect("it fits the grid");
-        self.snowpack.put_collider(Arc::from(id), *mass, footprint, true);
+        let footprint = Footprint::new(&self.spec.grid, shape, position, Turn::NONE);
+        self.snowpack.put_collider(Arc::from(id), *mass, vec![footprint], true);
     }
 
     fn apply(&mut self, op: &Op) {
@@ -143,7 +144,7 @@ impl Trial {
                 self.loaded = Some((self.snowpack.column(0, 0).clone(), load));
             }
             Op::Put { id, mass, shape, position } => {
-                self.colliders.insert(id.clone(), (*mass, *shape));
+                self.colliders.insert(id.clone(), (*mass, shape.clone()));
                 self.put(id, *position);
             }
             Op::Move { id, position } => self.put(id, *position),

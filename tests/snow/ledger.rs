@@ -1,6 +1,8 @@
 //! The mass ledger holds to the quantum, whatever happens and however often.
 
-use firn_snow::{ColumnRect, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Snowpack};
+use firn_snow::{
+    ColumnRect, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Snowpack, Turn,
+};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
@@ -38,8 +40,13 @@ fn fallen_less_refused_less_cleared_is_present_after_a_million_operations() {
             95..98 => {
                 let shape = Shape::Box { width: 0.3, depth: 0.2 };
                 let position = Position { x: dice.random_range(0.15..0.45), z: 0.2 };
-                let footprint = Footprint::new(&grid, &shape, position).unwrap();
-                snowpack.put_collider("a".into(), dice.random_range(0.1..50.0), footprint, true);
+                let footprint = Footprint::new(&grid, &shape, position, Turn::NONE);
+                snowpack.put_collider(
+                    "a".into(),
+                    dice.random_range(0.1..50.0),
+                    vec![footprint],
+                    true,
+                );
                 snowpack.evaluate();
             }
             _ => snowpack.remove_collider("a"),

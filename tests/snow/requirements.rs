@@ -3,7 +3,7 @@
 
 use firn_snow::{
     CELL, Cell, Column, Footprint, GRAVITY, Grid, HardnessLaw, LoadDistribution, MASS_QUANTA,
-    Material, Position, Shape, Snowpack, SurfaceLoad,
+    Material, Position, Shape, Snowpack, SurfaceLoad, Turn,
 };
 use proptest::prelude::*;
 
@@ -199,9 +199,9 @@ proptest! {
 /// Ground of 1 m × 1 m, and a square plate in its middle.
 const PATCH: Grid = Grid { width: 5, depth: 5, height: 50, cell_size: 0.2 };
 
-fn plate(side: f64) -> Footprint {
+fn plate(side: f64) -> Vec<Footprint> {
     let shape = Shape::Box { width: side, depth: side };
-    Footprint::new(&PATCH, &shape, Position { x: 0.5, z: 0.5 }).expect("it fits")
+    vec![Footprint::new(&PATCH, &shape, Position { x: 0.5, z: 0.5 }, Turn::NONE)]
 }
 
 fn patch(material: Material, layers: &Layers) -> Snowpack {

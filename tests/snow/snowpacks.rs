@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use firn_snow::{
     CELL, Cell, ColumnRect, Contact, Elevation, Footprint, GRAVITY, Grid, Material, Position,
-    Shape, Snowpack, share,
+    Shape, Snowpack, Turn, share,
 };
 use proptest::prelude::*;
 
@@ -39,10 +39,11 @@ fn place() -> impl Strategy<Value = (bool, f64, f64, f64, f64)> {
 fn footprint((disk, width, depth, x, z): (bool, f64, f64, f64, f64)) -> Footprint {
     let shape =
         if disk { Shape::Disk { radius: width / 2.0 } } else { Shape::Box { width, depth } };
-    let (half_x, half_z) = shape.half_extents();
+    let reach = shape.reach(Turn::NONE);
+    let (half_x, half_z) = (reach.x1, reach.z1);
     let within = |half: f64, extent: f64, part: f64| half + part * (extent - 2.0 * half);
     let position = Position { x: within(half_x, 4.0, x), z: within(half_z, 2.2, z) };
-    Footprint::new(&grid(), &shape, position).expect("it fits the grid")
+    Footprint::new(&grid(), &shape, position, Turn::NONE)
 }
 
 /// Snow of 20 kg/m³ and a depth in cells.
@@ -55,7 +56,7 @@ fn snow(snowpack: &mut Snowpack, rect: ColumnRect, depth: f64, temperature: f32)
 fn laden(always_awake: bool) -> Snowpack {
     let mut snowpack = Snowpack::new(grid(), Material::default(), &ground(), always_awake).unwrap();
     snow(&mut snowpack, grid().all(), 6.0, -3.0);
-    snowpack.put_collider("sinks".into(), 200.0, footprint((true, 1.0, 1.0, 0.5, 0.5)), true);
+    snowpack.put_collider("sinks".into(), 200.0, vec![footprint((true, 1.0, 1.0, 0.5, 0.5))], true);
     snowpack
 }
 
@@ -91,7 +92,7 @@ fn take(snowpack: &mut Snowpack, step: &Step) -> (u64, u32, Vec<(Arc<str>, Conta
         Step::Snow((rect, depth, temperature)) => quanta = snow(snowpack, rect, depth, temperature),
         Step::Clear(rect, depth) => quanta = snowpack.clear(rect, depth),
         Step::Put { id, mass, place, placed } => {
-            snowpack.put_collider(id.to_string().into(), mass, footprint(place), placed);
+            snowpack.put_collider(id.to_string().into(), mass, vec![footprint(place)], placed);
         }
         Step::Remove(id) => snowpack.remove_collider(&id.to_string()),
         Step::Stiffness(stiffness_exponent) => {
@@ -129,7 +130,7 @@ proptest! {
             snow(&mut snowpack, rect, depth, temperature);
         }
         let footprint = footprint(place);
-        snowpack.put_collider("a".into(), mass, footprint.clone(), true);
+        snowpack.put_collider("a".into(), mass, vec![footprint.clone()], true);
         snowpack.evaluate();
         let contact = *snowpack.contacts().next().expect("it is there").1;
         let carried: f64 = footprint
@@ -187,7 +188,7 @@ fn a_snowpack_falls_asleep_and_wakes_where_it_is_touched() {
     let mut snowpack = Snowpack::new(grid(), Material::default(), &[], false).unwrap();
     snow(&mut snowpack, grid().all(), 8.0, -3.0);
     assert_eq!(snowpack.active_tiles(), 6);
-    let place = |x| footprint((false, 0.6, 0.6, x, 0.0));
+    let place = |x| vec![footprint((false, 0.6, 0.6, x, 0.0))];
     snowpack.put_collider("a".into(), 50.0, place(0.0), true);
     assert!(snowpack.run(100, 0.25) == 100, "the plate sinks");
     assert_eq!(snowpack.active_tiles(), 1);

@@ -2,10 +2,10 @@
 
 use firn_protocol::stream::SubProtocol;
 use firn_protocol::{
-    AirTemperature, AirTemperatureReply, CheckpointList, CheckpointView, Clearing, ClearingReply,
-    ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColumnView, MassView, ProbeBatch,
-    ProbeReply, ResetSpec, SampleBatch, SampleReply, SessionView, SettingsPatch, Snowfall,
-    SnowfallReply, Stamp, StepSpec, Terrain, UsageView,
+    AirTemperature, AirTemperatureReply, BatchReply, CheckpointList, CheckpointView, Clearing,
+    ClearingReply, ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColumnView, MassView,
+    ProbeBatch, ProbeReply, ResetSpec, SampleBatch, SampleReply, SessionView, SettingsPatch,
+    Snowfall, SnowfallReply, Stamp, StepSpec, Terrain, UsageView,
 };
 use reqwest::Method;
 use serde::de::DeserializeOwned;
@@ -182,8 +182,8 @@ impl Session {
         self.client.tell(Method::DELETE, &self.collider_path(id)?, NONE).await
     }
 
-    /// Puts and removes objects in one frame, all or none.
-    pub async fn change_colliders(&self, batch: &ColliderBatch) -> Result<Stamp, Error> {
+    /// Puts and removes objects in one frame: all or none, or those that are not in error.
+    pub async fn change_colliders(&self, batch: &ColliderBatch) -> Result<BatchReply, Error> {
         self.post("/colliders:batch", batch).await
     }
 

@@ -203,8 +203,15 @@ pub struct Deposit {
 pub struct Placement {
     /// Mass \[kg\].
     pub mass: f64,
-    /// Columns under it.
-    pub footprint: Footprint,
+    /// Columns under each of its outlines.
+    pub footprints: Vec<Footprint>,
+}
+
+impl Placement {
+    /// How many columns there are under it.
+    pub fn columns(&self) -> u64 {
+        self.footprints.iter().map(|footprint| footprint.iter().count() as u64).sum()
+    }
 }
 
 /// What a frame did.

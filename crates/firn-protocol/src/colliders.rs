@@ -1,12 +1,16 @@
 //! Objects that stand on the snow.
 
-use firn_snow::{Position, Shape};
+use firn_snow::{Object, Part, Position, Shape};
 use serde::{Deserialize, Serialize};
 
+use crate::problem::FieldError;
 use crate::session::Stamp;
 
 /// An object that stands on the snow.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+///
+/// It has either a `shape` or `footprints`. One of its columns must be in the grid; what hangs over the edge has
+/// full support of its own.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ColliderSpec {
@@ -15,35 +19,157 @@ pub struct ColliderSpec {
     /// Mass \[kg\].
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1e9))]
     pub mass: f64,
-    /// Outline from above.
-    pub shape: Shape,
+    /// Outline from above, where it stands on one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shape: Option<Shape>,
+    /// Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
+    /// rigid body; its weight is shared by the contact of each.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(min_items = 1, max_items = 16))]
+    pub footprints: Option<Vec<Part>>,
     /// Where its centre is \[m\].
     pub position: Position,
+    /// Compass bearing of its front \[°\]: 0 along +z (north), 90 along +x (east).
+    #[serde(default)]
+    #[cfg_attr(feature = "schema", schema(minimum = -36_000, maximum = 36_000))]
+    pub heading: f64,
+    /// Whether it is held up: then it presses nothing.
+    #[serde(default)]
+    pub airborne: bool,
+}
+
+impl ColliderSpec {
+    /// The object without its name.
+    pub fn object(&self) -> Object {
+        Object {
+            mass: self.mass,
+            shape: self.shape.clone(),
+            footprints: self.footprints.clone().unwrap_or_default(),
+            position: self.position,
+            heading: self.heading,
+            airborne: self.airborne,
+        }
+    }
 }
 
 /// Body of `PATCH …/colliders/{cid}`: the parts that change; others stay.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct ColliderPatch {
     /// Mass \[kg\].
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1e9))]
     pub mass: Option<f64>,
-    /// Outline from above.
+    /// Outline from above, in place of what it stood on.
     pub shape: Option<Shape>,
+    /// Outlines that it stands on, in place of what it stood on.
+    #[cfg_attr(feature = "schema", schema(min_items = 1, max_items = 16))]
+    pub footprints: Option<Vec<Part>>,
     /// Where its centre is \[m\].
     pub position: Option<Position>,
+    /// Compass bearing of its front \[°\].
+    #[cfg_attr(feature = "schema", schema(minimum = -36_000, maximum = 36_000))]
+    pub heading: Option<f64>,
+    /// Whether it is held up.
+    pub airborne: Option<bool>,
 }
 
-/// Colliders put and removed in one frame, all or none.
+impl ColliderPatch {
+    /// What becomes of an object.
+    pub fn apply(self, old: &Object) -> ColliderSpec {
+        let outline = match (self.shape, self.footprints) {
+            (None, None) => {
+                (old.shape.clone(), Some(old.footprints.clone()).filter(|it| !it.is_empty()))
+            }
+            given => given,
+        };
+        ColliderSpec {
+            id: None,
+            mass: self.mass.unwrap_or(old.mass),
+            shape: outline.0,
+            footprints: outline.1,
+            position: self.position.unwrap_or(old.position),
+            heading: self.heading.unwrap_or(old.heading),
+            airborne: self.airborne.unwrap_or(old.airborne),
+        }
+    }
+}
+
+/// Colliders put and removed in one frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct ColliderBatch {
     /// Colliders to create or replace; each needs an `id`.
     pub put: Vec<ColliderSpec>,
-    /// Ids of colliders to remove.
+    /// Ids of colliders to remove. One that is not there is no error.
     pub delete: Vec<String>,
+    /// What is done where one of them is in error.
+    pub on_error: OnError,
+}
+
+/// What a batch does where one of its entries is in error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum OnError {
+    /// Nothing.
+    #[default]
+    Refuse,
+    /// The rest of it; the answer has a result for each entry.
+    Skip,
+}
+
+/// Answer to a batch of colliders.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct BatchReply {
+    /// When it was applied.
+    #[serde(flatten)]
+    pub stamp: Stamp,
+    /// What was done of it, where errors are skipped.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub results: Option<BatchResults>,
+}
+
+/// What was done of a batch, entry by entry.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct BatchResults {
+    /// One for each entry of `put`, in their order.
+    pub put: Vec<BatchResult>,
+    /// One for each entry of `delete`, in their order.
+    pub delete: Vec<BatchResult>,
+}
+
+/// What was done of one entry of a batch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct BatchResult {
+    /// Name of the collider, as far as it was told.
+    pub id: Option<String>,
+    /// What was done.
+    pub result: BatchOutcome,
+    /// Why it was skipped: what is wrong, each with where in the batch.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub errors: Vec<FieldError>,
+}
+
+/// What was done of an entry of a batch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum BatchOutcome {
+    /// A collider was created.
+    Created,
+    /// A collider was replaced.
+    Replaced,
+    /// A collider was removed.
+    Removed,
+    /// There was no collider of that name.
+    Absent,
+    /// Nothing, because of its errors.
+    Skipped,
 }
 
 /// An object on the snow and how it stands there.
@@ -52,18 +178,15 @@ pub struct ColliderBatch {
 pub struct ColliderView {
     /// Its name.
     pub id: String,
-    /// Mass \[kg\].
-    pub mass: f64,
-    /// Outline from above.
-    pub shape: Shape,
-    /// Where its centre is \[m\].
-    pub position: Position,
+    /// What it is, and where it stands.
+    #[serde(flatten)]
+    pub object: Object,
     /// Elevation of its bottom \[m\].
     pub bottom: f64,
     /// How far its bottom is below the highest of its columns at the time it was placed or last
     /// moved \[m\].
     pub sink_depth: f64,
-    /// Area in contact \[m²\].
+    /// Area in contact \[m²\]; 0 while it is held up, as is its pressure.
     pub contact_area: f64,
     /// Pressure on the area in contact \[Pa\].
     pub pressure: f64,

@@ -33,10 +33,15 @@ mod subscription;
 mod usage;
 mod weather;
 
-pub use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Position, Preset, Shape};
+pub use firn_snow::{
+    Grid, HardnessLaw, LoadDistribution, Material, Object, Part, Position, Preset, Shape,
+};
 
 pub use checkpoints::{CheckpointList, CheckpointView, ResetSpec};
-pub use colliders::{ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView};
+pub use colliders::{
+    BatchOutcome, BatchReply, BatchResult, BatchResults, ColliderBatch, ColliderPatch,
+    ColliderReply, ColliderSpec, ColliderView, OnError,
+};
 pub use creation::{MaterialSpec, SessionBody, SessionSpec, SnowLayer, Terrain};
 pub use events::{Event, EventKind, Events};
 pub use probes::{Load, Probe, ProbeBatch, ProbeReply, ProbeView};

@@ -164,8 +164,9 @@ fn change(operation: &Operation, spec: &SessionSpec) -> Change {
         Operation::Put(object, mass) => Change::PutCollider(ColliderSpec {
             id: Some(object.to_string()),
             mass: f64::from(mass),
-            shape: Shape::Disk { radius: 0.3 },
+            shape: Some(Shape::Disk { radius: 0.3 }),
             position: Position { x: 0.2 * f64::from(object), z: 0.8 },
+            ..ColliderSpec::default()
         }),
         Operation::Remove(object) => Change::DeleteCollider { id: object.to_string() },
         Operation::Pause(paused) => {

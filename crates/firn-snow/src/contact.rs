@@ -44,17 +44,29 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Evaluates contact over the columns' elevations.
+    /// Evaluates contact of an object with a mass \[kg\] over the footprints it stands on, each with the elevations
+    /// of its columns, less its underside's lift over them. `widths` get how wide the load of each spreads \[m\].
     #[inline]
-    pub fn evaluate(
-        footprint: &Footprint,
+    pub fn evaluate<'a, E>(
         mass: f64,
-        elevations: impl Iterator<Item = Elevation> + Clone,
-    ) -> Contact {
-        let bottom = elevations.clone().max().unwrap_or_default();
-        let support = elevations.map(|e| u64::from(share_units(bottom, e))).sum();
-        let full = u64::from(footprint.columns) * u64::from(CONTACT_DEPTH);
-        let area = footprint.area as f32 * (support as f32 / full as f32);
+        footprints: impl Iterator<Item = (&'a Footprint, E)> + Clone,
+        widths: &mut [f32],
+    ) -> Contact
+    where
+        E: Iterator<Item = Elevation> + Clone,
+    {
+        let surfaces = footprints.clone().flat_map(|(_, elevations)| elevations);
+        let bottom = surfaces.max().unwrap_or_default();
+        let (mut support, mut area) = (0, 0.0);
+        for ((footprint, elevations), width) in footprints.zip(widths) {
+            let shares = elevations.map(|e| u64::from(share_units(bottom, e))).sum::<u64>();
+            let own = shares + u64::from(footprint.overhang) * u64::from(CONTACT_DEPTH);
+            let full = u64::from(footprint.columns) * u64::from(CONTACT_DEPTH);
+            let touching = footprint.area as f32 * (own as f32 / full as f32);
+            *width = touching.sqrt();
+            area += touching;
+            support += own;
+        }
         let pressure = (mass * GRAVITY) as f32 / area;
         Contact { bottom, reference: bottom, support, area, pressure, ..Contact::default() }
     }
@@ -83,14 +95,13 @@ pub fn share(bottom: Elevation, surface: Elevation) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Grid, Position, Shape};
+    use crate::{Grid, Position, Shape, Turn};
 
     #[test]
     fn contact_is_soft_over_a_twentieth_of_a_cell() {
         let shape = Shape::Box { width: 0.8, depth: 0.2 };
         let grid = Grid { width: 10, depth: 6, height: 20, cell_size: 0.2 };
-        let footprint =
-            Footprint::new(&grid, &shape, Position { x: 0.8, z: 0.5 }).expect("it fits");
+        let footprint = Footprint::new(&grid, &shape, Position { x: 0.8, z: 0.5 }, Turn::NONE);
         assert_eq!(footprint.columns, 4);
         let top = Elevation::of_cells(5, 0);
         // Half of δ below the top carries half, δ and more below it nothing, a chasm neither.
@@ -98,7 +109,10 @@ mod tests {
         let below = |depth: u32| Elevation(top.0 - i64::from(depth));
         let chasm = Elevation::of_cells(-65_536, 9);
         let elevations = depths.map(below).into_iter().chain([chasm]);
-        let contact = Contact::evaluate(&footprint, 10.0, elevations);
+        let mut widths = [0.0];
+        let footprints = std::iter::once((&footprint, elevations));
+        let contact = Contact::evaluate(10.0, footprints, &mut widths);
+        assert_eq!(widths, [contact.area.sqrt()]);
         assert_eq!((contact.bottom, contact.reference), (top, top));
         let half = u64::from(CONTACT_DEPTH - CONTACT_DEPTH / 2);
         assert_eq!(contact.support, u64::from(CONTACT_DEPTH) + half);

@@ -49,6 +49,12 @@ impl Elevation {
         Elevation(self.0 + i64::from(thickness))
     }
 
+    /// The elevation so far below it, in quanta.
+    #[inline]
+    pub fn less(self, depth: u32) -> Elevation {
+        Elevation(self.0 - i64::from(depth))
+    }
+
     /// In metres.
     #[inline]
     pub fn metres(self, grid: &Grid) -> f64 {

@@ -34,21 +34,25 @@ mod elevation;
 mod footprint;
 mod grid;
 mod material;
+mod object;
 mod preset;
 mod recut;
 mod sample;
+mod shape;
 mod snowpack;
 
 pub use column::{Cell, Column, SurfaceLoad};
 pub use contact::{CONTACT_DEPTH, Contact, Footing, share, share_units};
 pub use elevation::Elevation;
-pub use footprint::{Footprint, Position, Shape};
+pub use footprint::Footprint;
 pub use grid::{
     CELL, ColumnRect, Grid, MASS_QUANTA, MAX_COLUMN_MASS, MAX_RELIEF_CELLS, TILE_COLUMNS, TILE_SIDE,
 };
 pub use material::{
     GRAVITY, HardnessLaw, LoadDistribution, Material, REFERENCE_CELL_SIZE, gold_prefactor,
 };
+pub use object::{MOST_FOOTPRINTS, Object, Part, Position};
 pub use preset::Preset;
 pub use sample::{Content, Floor, Sample, sample_column};
+pub use shape::{Extent, MOST_CORNERS, Shape, Turn};
 pub use snowpack::{Progress, Snowpack};

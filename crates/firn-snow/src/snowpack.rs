@@ -3,7 +3,7 @@
 mod run;
 mod tile;
 
-use std::collections::{BTreeMap, TryReserveError};
+use std::collections::{BTreeMap, BTreeSet, TryReserveError};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -23,16 +23,25 @@ pub use run::Progress;
 #[derive(Clone, Debug)]
 struct Collider {
     mass: f64,
-    footprint: Footprint,
-    /// Tile of each column of the footprint, and the column's index in it.
-    columns: Vec<(usize, usize)>,
-    /// Tiles of the footprint.
+    /// What it stands on.
+    stands: Vec<Stand>,
+    /// Tiles under it, in ascending order.
     tiles: Vec<usize>,
     contact: Contact,
     /// Contact has never been evaluated since the object was put where it is.
     placed: bool,
     /// The object or its contact is not what the stresses below it were evaluated for.
     changed: bool,
+}
+
+/// One of the footprints that an object stands on.
+#[derive(Clone, Debug)]
+struct Stand {
+    footprint: Footprint,
+    /// Tile of each column, the column's index in it, and how high the underside is over it in quanta.
+    columns: Vec<(usize, usize, u32)>,
+    /// How wide its load spreads \[m\].
+    width: f32,
 }
 
 /// A snowpack stepped by the plain-Rust columns.
@@ -118,18 +127,21 @@ impl Snowpack {
 
     /// Puts an object on the snow, or replaces the one of that id. Where it is `placed`, the
     /// depth that it has sunk is counted from here.
-    pub fn put_collider(&mut self, id: Arc<str>, mass: f64, footprint: Footprint, placed: bool) {
-        let columns = footprint.iter().map(|(x, z)| {
-            let (tile, column) = self.grid.locate(x, z);
-            (tile as usize, column as usize)
-        });
-        let columns = columns.collect();
-        let tiles = footprint.tiles(&self.grid).into_iter().map(|tile| tile as usize).collect();
+    pub fn put_collider(
+        &mut self,
+        id: Arc<str>,
+        mass: f64,
+        footprints: Vec<Footprint>,
+        placed: bool,
+    ) {
+        let stands = footprints.into_iter().map(|footprint| Stand::new(footprint, &self.grid));
+        let stands: Vec<Stand> = stands.collect();
+        let tiles = stands.iter().flat_map(|stand| stand.columns.iter().map(|&(tile, ..)| tile));
+        let tiles = tiles.collect::<BTreeSet<usize>>().into_iter().collect();
         let old = self.take_collider(&id).filter(|_| !placed);
         let collider = Collider {
             mass,
-            footprint,
-            columns,
+            stands,
             tiles,
             placed: old.as_ref().is_none_or(|old| old.placed),
             contact: old.map(|old| old.contact).unwrap_or_default(),
@@ -149,11 +161,11 @@ impl Snowpack {
     /// Replaces all objects by others and their contacts, as they were.
     pub fn restore_colliders(
         &mut self,
-        colliders: impl Iterator<Item = (Arc<str>, f64, Footprint, Contact)>,
+        colliders: impl Iterator<Item = (Arc<str>, f64, Vec<Footprint>, Contact)>,
     ) {
         self.colliders.clear();
-        for (id, mass, footprint, contact) in colliders {
-            self.put_collider(id.clone(), mass, footprint, false);
+        for (id, mass, footprints, contact) in colliders {
+            self.put_collider(id.clone(), mass, footprints, false);
             if let Some(collider) = self.colliders.get_mut(&id) {
                 collider.contact = contact;
                 (collider.placed, collider.changed) = (false, false);
@@ -296,17 +308,38 @@ impl Snowpack {
     }
 }
 
+impl Stand {
+    fn new(footprint: Footprint, grid: &Grid) -> Stand {
+        let columns = footprint.iter().map(|(x, z)| {
+            let (tile, column) = grid.locate(x, z);
+            (tile as usize, column as usize, footprint.lift_over(x, z))
+        });
+        Stand { columns: columns.collect(), footprint, width: 0.0 }
+    }
+}
+
 impl Collider {
     /// Evaluates contact with the columns as they are.
     fn evaluate(&mut self, tiles: &[Tile]) {
-        let elevations = self.columns.iter().map(|&(tile, column)| tiles[tile].surface(column));
+        let footprints = self.stands.iter().map(|stand| {
+            let columns = stand.columns.iter();
+            let under = columns.map(|&(tile, column, lift)| tiles[tile].surface(column).less(lift));
+            (&stand.footprint, under)
+        });
+        let mut widths = vec![0.0; self.stands.len()];
         let old = self.contact;
-        let mut new = Contact::evaluate(&self.footprint, self.mass, elevations);
+        let mut new = Contact::evaluate(self.mass, footprints, &mut widths);
         if !self.placed {
             (new.reference, new.last_cycle) = (old.reference, old.last_cycle);
         }
+        self.stands.iter_mut().zip(widths).for_each(|(stand, width)| stand.width = width);
         self.placed = false;
         self.changed |= new.footing() != old.footing();
         self.contact = new;
+    }
+
+    /// Columns that its footprints stand for.
+    fn columns(&self) -> u64 {
+        self.stands.iter().map(|stand| stand.columns.len() as u64).sum()
     }
 }

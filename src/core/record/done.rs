@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use firn_protocol::{ClearingReply, ColliderReply, SnowfallReply, Stamp};
+use firn_protocol::{BatchReply, ClearingReply, ColliderReply, SnowfallReply, Stamp};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::Applied;
@@ -53,7 +53,8 @@ pub(crate) struct Done {
 pub(crate) enum DoneResult {
     Snowfall(SnowfallReply),
     Clearing(ClearingReply),
-    Collider { reply: ColliderReply, created: bool },
+    Collider { reply: Box<ColliderReply>, created: bool },
+    Batch(BatchReply),
     Stamp(Stamp),
     Created { id: String, tokens: Sealed },
 }
@@ -65,8 +66,9 @@ impl Done {
             Applied::Snowfall(reply) => DoneResult::Snowfall(*reply),
             Applied::Clearing(reply) => DoneResult::Clearing(*reply),
             Applied::Collider { reply, created } => {
-                DoneResult::Collider { reply: reply.clone(), created: *created }
+                DoneResult::Collider { reply: Box::new(reply.clone()), created: *created }
             }
+            Applied::Batch(reply) => DoneResult::Batch(reply.clone()),
             Applied::AirTemperature(reply) => DoneResult::Stamp(reply.stamp),
             Applied::Stamp(stamp) => DoneResult::Stamp(*stamp),
         };
@@ -94,8 +96,9 @@ impl Done {
             DoneResult::Snowfall(reply) => Applied::Snowfall(*reply),
             DoneResult::Clearing(reply) => Applied::Clearing(*reply),
             DoneResult::Collider { reply, created } => {
-                Applied::Collider { reply: reply.clone(), created: *created }
+                Applied::Collider { reply: (**reply).clone(), created: *created }
             }
+            DoneResult::Batch(reply) => Applied::Batch(reply.clone()),
             DoneResult::Stamp(stamp) => Applied::Stamp(*stamp),
             DoneResult::Created { .. } => return None,
         })

@@ -6,10 +6,10 @@ use std::mem::size_of;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use firn_protocol::{SessionSpec, SnowLayer};
+use firn_protocol::{Object, SessionSpec, SnowLayer};
 
 use crate::core::record::{Checkpoint, Entry, Identity, OVERHEAD, Stored};
-use crate::core::session::{Command, ObjectSpec};
+use crate::core::session::Command;
 
 /// Counters of an `Arc`.
 const SHARED: usize = 2 * size_of::<usize>();
@@ -77,8 +77,9 @@ impl Command {
         };
         let names = removed.iter().chain(put.iter().map(|(id, _)| id));
         let places = removed.capacity() * size_of::<Arc<str>>()
-            + put.capacity() * size_of::<(Arc<str>, ObjectSpec)>();
-        places + names.map(|id| SHARED + id.len()).sum::<usize>()
+            + put.capacity() * size_of::<(Arc<str>, Object)>();
+        let outlines = put.iter().map(|(_, object)| object.heap_bytes()).sum::<usize>();
+        places + outlines + names.map(|id| SHARED + id.len()).sum::<usize>()
     }
 }
 

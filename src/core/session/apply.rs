@@ -1,10 +1,10 @@
 //! Commands, carried out: live ones, and those of the journal.
 
 use firn_engine::frame::{Deposit, Edit, Placement};
-use firn_snow::{Footprint, Material};
+use firn_snow::{Material, Object};
 use std::sync::Arc;
 
-use crate::core::session::{Collider, Command, Counted, Kept, ObjectSpec, Orders, SessionState};
+use crate::core::session::{Collider, Command, Counted, Kept, Orders, SessionState};
 
 /// What may move again after a command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -81,16 +81,16 @@ impl SessionState {
     }
 
     /// Puts an object. Returns on how many tiles it stands.
-    fn put(&mut self, id: &Arc<str>, object: &ObjectSpec, orders: &mut Orders) -> u64 {
-        let ObjectSpec { mass, shape, position } = *object;
+    fn put(&mut self, id: &Arc<str>, object: &Object, orders: &mut Orders) -> u64 {
         // It was in the grid when this was decided.
-        let Some(footprint) = Footprint::new(&self.grid, &shape, position) else { return 0 };
+        let Some(footprints) = object.on(&self.grid) else { return 0 };
         // A change of mass alone doesn't move an object: the depth it has sunk goes on counting.
-        let moved = |old: &Collider| old.shape != shape || old.position != position;
+        let moved =
+            |old: &Collider| old.object != Object { mass: old.object.mass, ..object.clone() };
         let placed = self.colliders.get(id).is_none_or(moved);
-        let collider = Arc::new(Placement { mass, footprint });
+        let collider = Arc::new(Placement { mass: object.load(), footprints });
         orders.edits.push(Edit::PutCollider { id: id.clone(), collider, placed });
-        let collider = Collider::new(mass, shape, position, &self.grid);
+        let collider = Collider::new(object.clone(), &self.grid);
         let tiles = collider.reach.tiles;
         self.colliders.insert(id.clone(), collider);
         tiles

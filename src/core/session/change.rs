@@ -1,9 +1,10 @@
 //! The changes a client can make to a session, the same over REST and the stream, and what is answered.
 
 use firn_protocol::{
-    AirTemperature, AirTemperatureReply, Clearing, ClearingReply, ColliderBatch, ColliderPatch,
-    ColliderReply, ColliderSpec, SettingsPatch, Snowfall, SnowfallReply, Stamp,
+    AirTemperature, AirTemperatureReply, BatchReply, Clearing, ClearingReply, ColliderBatch,
+    ColliderPatch, ColliderReply, ColliderSpec, SettingsPatch, Snowfall, SnowfallReply, Stamp,
 };
+use firn_snow::{Part, Shape};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::Ground;
@@ -36,7 +37,7 @@ pub enum Change {
         /// Its id.
         id: String,
     },
-    /// Several colliders are put and removed, all or none.
+    /// Several colliders are put and removed.
     Colliders(ColliderBatch),
     /// The snow lies on other ground, one that was checked.
     Ground(Ground),
@@ -53,15 +54,22 @@ impl Change {
 
     /// Memory that it takes, about \[bytes\].
     pub(crate) fn bytes(&self) -> usize {
-        let id = |spec: &ColliderSpec| spec.id.as_ref().map_or(0, String::capacity);
+        let beside_spec = |spec: &ColliderSpec| {
+            let id = spec.id.as_ref().map_or(0, String::capacity);
+            id + outline(&spec.shape, &spec.footprints)
+        };
         let beside = match self {
-            Change::CreateCollider(spec) | Change::PutCollider(spec) => id(spec),
+            Change::CreateCollider(spec) | Change::PutCollider(spec) => beside_spec(spec),
             Change::Colliders(batch) => {
-                let put = batch.put.iter().map(|spec| size_of::<ColliderSpec>() + id(spec));
+                let put =
+                    batch.put.iter().map(|spec| size_of::<ColliderSpec>() + beside_spec(spec));
                 let delete = batch.delete.iter().map(|id| size_of::<String>() + id.capacity());
                 put.chain(delete).sum()
             }
-            Change::PatchCollider { id, .. } | Change::DeleteCollider { id } => id.capacity(),
+            Change::PatchCollider { id, patch } => {
+                id.capacity() + outline(&patch.shape, &patch.footprints)
+            }
+            Change::DeleteCollider { id } => id.capacity(),
             Change::Snowfall(_)
             | Change::Clearing(_)
             | Change::AirTemperature(_)
@@ -70,6 +78,12 @@ impl Change {
         };
         size_of::<Change>() + beside
     }
+}
+
+/// Memory of the outline of an object, beside its own size \[bytes\].
+fn outline(shape: &Option<Shape>, footprints: &Option<Vec<Part>>) -> usize {
+    let footprints = footprints.iter().flatten().map(Part::bytes).sum::<usize>();
+    shape.as_ref().map_or(0, Shape::heap_bytes) + footprints
 }
 
 /// Answer to a change, as it is given over REST and in the stream's acks.
@@ -91,6 +105,8 @@ pub enum Applied {
         #[serde(skip)]
         created: bool,
     },
+    /// To several colliders.
+    Batch(BatchReply),
     /// To everything else.
     Stamp(Stamp),
 }
@@ -103,6 +119,7 @@ impl Applied {
             Applied::Clearing(reply) => reply.stamp,
             Applied::AirTemperature(reply) => reply.stamp,
             Applied::Collider { reply, .. } => reply.stamp,
+            Applied::Batch(reply) => reply.stamp,
             Applied::Stamp(stamp) => *stamp,
         }
     }

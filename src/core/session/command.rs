@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use firn_protocol::Settings;
-use firn_snow::{ColumnRect, Grid, Position, Shape};
+use firn_snow::{ColumnRect, Grid, Object};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::{Ground, Told};
@@ -20,19 +20,11 @@ pub(crate) enum Command {
     /// All settings, as they become.
     Settings { settings: Settings, stiffness_exponent: f64 },
     /// Objects are taken away, then put.
-    Objects { removed: Vec<Arc<str>>, put: Vec<(Arc<str>, ObjectSpec)> },
+    Objects { removed: Vec<Arc<str>>, put: Vec<(Arc<str>, Object)> },
     /// The snow lies on other ground.
     Ground(Ground),
     /// Back to the state that the session was created in.
     Reset,
-}
-
-/// An object, as it is put.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct ObjectSpec {
-    pub mass: f64,
-    pub shape: Shape,
-    pub position: Position,
 }
 
 /// A command, and what is told of it.

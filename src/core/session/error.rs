@@ -112,6 +112,16 @@ impl Check {
         }
     }
 
+    /// Everything noted so far.
+    pub fn errors(&self) -> impl ExactSizeIterator<Item = &Invalid> {
+        self.0.iter()
+    }
+
+    /// Takes over what was noted elsewhere.
+    pub fn join(&mut self, other: Check) {
+        self.0.extend(other.0);
+    }
+
     /// Whether nothing has been noted so far.
     pub fn passed(&self) -> bool {
         self.0.is_empty()

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use firn_engine::frame::{ColumnRead, Edit, SampleBox};
-use firn_protocol::{MassView, SampleBatch};
+use firn_protocol::{BatchResults, MassView, SampleBatch};
 use firn_snow::ColumnRect;
 
 use crate::core::record::Once;
@@ -98,6 +98,8 @@ pub(crate) enum Told {
         id: Arc<str>,
         created: bool,
     },
+    /// What was done of each entry, where errors are skipped.
+    Batch(Option<Box<BatchResults>>),
     Settings,
     Ground,
     Stamp,

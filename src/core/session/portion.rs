@@ -176,7 +176,7 @@ fn units_of(edit: &Edit, grid: &Grid) -> u64 {
     match edit {
         Edit::Deposit(fall) => FALL * fall.columns.columns(),
         Edit::Clear { columns, .. } => FALL * columns.columns(),
-        Edit::PutCollider { collider, .. } => 1 + u64::from(collider.footprint.columns),
+        Edit::PutCollider { collider, .. } => 1 + collider.columns(),
         Edit::RemoveCollider { .. } => 1,
         Edit::SetGround(_) => GROUND * grid.columns(),
         Edit::SetMaterial(_) => u64::from(grid.tiles()),
@@ -188,7 +188,7 @@ fn units_of(edit: &Edit, grid: &Grid) -> u64 {
 mod tests {
     use super::*;
     use firn_engine::frame::{Run, contact_units};
-    use firn_snow::Shape;
+    use firn_snow::{Object, Shape};
 
     const GRID: Grid = Grid { width: 64, depth: 64, height: 10, cell_size: 0.2 };
     const TILE: u64 = 640;
@@ -231,7 +231,9 @@ mod tests {
     #[test]
     fn only_what_is_awake_costs_and_what_stands_on_it() {
         let mut portions = Portions::default();
-        let reach = Reach::new(&Shape::Box { width: 0.6, depth: 0.6 }, &GRID);
+        let shape = Some(Shape::Box { width: 0.6, depth: 0.6 });
+        let object = Object { shape, ..Object::default() };
+        let reach = Reach::new(&object, &GRID);
         let object = contact_units(16) + 4 * TILE;
         portions.disturb(3);
         assert_eq!(portions.cycle(&GRID, [].into_iter()), 3 * TILE);

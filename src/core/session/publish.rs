@@ -6,7 +6,8 @@ use std::time::Duration;
 use firn_engine::frame::WorkOutcome;
 use firn_engine::published::TileColumns;
 use firn_protocol::{
-    AirTemperatureReply, ClearingReply, ColliderReply, ColliderView, Event, SnowfallReply, Stamp,
+    AirTemperatureReply, BatchReply, ClearingReply, ColliderReply, ColliderView, Event,
+    SnowfallReply, Stamp,
 };
 use firn_snow::{Contact, Elevation, Grid, TILE_COLUMNS};
 
@@ -276,6 +277,9 @@ impl Simulation {
                     Err(_) => Applied::Stamp(stamp),
                 }
             }
+            Told::Batch(results) => {
+                Applied::Batch(BatchReply { stamp, results: results.clone().map(|it| *it) })
+            }
             Told::Settings | Told::Ground | Told::Stamp => Applied::Stamp(stamp),
         }
     }
@@ -321,12 +325,10 @@ fn view(id: &str, collider: &Collider, grid: &Grid) -> ColliderView {
     let contact = &collider.contact;
     ColliderView {
         id: id.to_owned(),
-        mass: collider.mass,
-        shape: collider.shape,
-        position: collider.position,
+        object: collider.object.clone(),
         bottom: contact.bottom.metres(grid),
         sink_depth: Elevation(contact.reference - contact.bottom).metres(grid),
-        contact_area: f64::from(contact.area),
+        contact_area: if collider.object.airborne { 0.0 } else { f64::from(contact.area) },
         pressure: f64::from(contact.pressure),
         resting: contact.resting,
     }

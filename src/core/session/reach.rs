@@ -2,10 +2,10 @@
 //! costs follow from that.
 
 use firn_engine::frame::contact_units;
-use firn_snow::{Grid, Shape, TILE_COLUMNS, TILE_SIDE};
+use firn_snow::{Grid, Object, Shape, TILE_COLUMNS, TILE_SIDE, Turn};
 
-/// Words of four bytes of an object itself in the device's tables.
-const WORDS: u64 = 12;
+/// Words of four bytes of a footprint itself in the device's tables.
+const WORDS: u64 = 15;
 
 /// What lies under an object at the most.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -14,27 +14,43 @@ pub(crate) struct Reach {
     /// Rows of columns.
     rows: u64,
     pub tiles: u64,
+    /// Words of four bytes that it takes in the device's tables.
+    words: u64,
 }
 
 impl Reach {
+    /// Of an object, as it is turned.
+    pub fn new(object: &Object, grid: &Grid) -> Reach {
+        object.outlines().fold(Reach::default(), |all, (shape, _, turn)| {
+            let own = Reach::of(shape, turn, grid);
+            Reach {
+                columns: all.columns + own.columns,
+                rows: all.rows + own.rows,
+                tiles: all.tiles + own.tiles,
+                words: all.words + own.words,
+            }
+        })
+    }
+
     /// Of an outline.
-    pub fn new(shape: &Shape, grid: &Grid) -> Reach {
-        let (width, depth) = match *shape {
-            Shape::Box { width, depth } => (width, depth),
-            Shape::Disk { radius } => (2.0 * radius, 2.0 * radius),
-        };
+    fn of(shape: &Shape, turn: Turn, grid: &Grid) -> Reach {
+        let reach = shape.reach(turn);
+        let (width, depth) = (reach.x1 - reach.x0, reach.z1 - reach.z0);
         let columns = |extent: f64, most: u32| {
             ((extent / grid.cell_size).ceil() as u64).saturating_add(1).min(most.into())
         };
         let (columns, rows) = (columns(width, grid.width), columns(depth, grid.depth));
         let tiles = |columns: u64| columns.div_ceil(TILE_SIDE.into()) + 1;
-        Reach { columns: columns * rows, rows, tiles: tiles(columns) * tiles(rows) }
+        let (columns, tiles) = (columns * rows, tiles(columns) * tiles(rows));
+        // Two for each row of columns under it, one for each tile, and one for each column where it is round
+        // underneath.
+        let lifts = if matches!(shape, Shape::Wheel { .. }) { columns } else { 0 };
+        Reach { columns, rows, tiles, words: WORDS + 2 * rows + tiles + lifts }
     }
 
-    /// Words of four bytes that it takes in the device's tables: for itself, two for each row of columns
-    /// under it, and one for each tile.
+    /// Words of four bytes that it takes in the device's tables.
     pub fn words(&self) -> u64 {
-        WORDS + 2 * self.rows + self.tiles
+        self.words
     }
 
     /// Units of a cycle that it costs beside the snow: its contact, and its load on the cells below.
@@ -46,7 +62,7 @@ impl Reach {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firn_snow::{Footprint, Position};
+    use firn_snow::Position;
 
     #[test]
     fn an_object_takes_no_more_than_it_says_wherever_it_stands() {
@@ -56,17 +72,23 @@ mod tests {
             Shape::Box { width: 1.6, depth: 1.6 },
             Shape::Box { width: 3.3, depth: 7.9 },
             Shape::Disk { radius: 2.45 },
+            Shape::Capsule { length: 3.0, radius: 0.3 },
+            Shape::Polygon { corners: vec![[0.0, -1.0], [0.5, 0.0], [0.0, 2.0]] },
+            Shape::Wheel { width: 0.5, radius: 1.1 },
         ];
         for shape in shapes {
-            let reach = Reach::new(&shape, &grid);
             for step in 0..40 {
                 let position = Position { x: 8.0 + 0.05 * f64::from(step), z: 5.9 };
-                let footprint = Footprint::new(&grid, &shape, position).unwrap();
+                let heading = f64::from(step) * 9.0;
+                let shape = Some(shape.clone());
+                let object = Object { shape, position, heading, ..Object::default() };
+                let reach = Reach::new(&object, &grid);
+                let footprint = &object.on(&grid).unwrap()[0];
                 let tiles = footprint.tiles(&grid).len();
-                let needed = 2 * footprint.spans.len() + tiles;
-                assert!(WORDS + needed as u64 <= reach.words(), "{shape:?} {position:?}");
-                assert!(u64::from(footprint.columns) <= reach.columns, "{shape:?} {position:?}");
-                assert!(tiles as u64 <= reach.tiles, "{shape:?} {position:?}");
+                let needed = 2 * footprint.spans.len() + tiles + footprint.lifts.len();
+                assert!(WORDS + needed as u64 <= reach.words(), "{object:?}");
+                assert!(u64::from(footprint.columns) <= reach.columns, "{object:?}");
+                assert!(tiles as u64 <= reach.tiles, "{object:?}");
             }
         }
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use firn_protocol::{SessionSpec, Settings};
-use firn_snow::{Contact, Grid, Material, Position, Shape};
+use firn_snow::{Contact, Grid, Material, Object};
 
 use crate::core::session::{Clock, Falling, Ground, Ledger, Reach, Snowing};
 
@@ -25,9 +25,7 @@ pub(crate) struct SessionState {
 /// An object on the snow.
 #[derive(Clone, Debug)]
 pub(crate) struct Collider {
-    pub mass: f64,
-    pub shape: Shape,
-    pub position: Position,
+    pub object: Object,
     /// As last published.
     pub contact: Contact,
     /// How far it reaches.
@@ -63,8 +61,8 @@ impl SessionState {
 
 impl Collider {
     /// An object that has not touched the snow yet.
-    pub fn new(mass: f64, shape: Shape, position: Position, grid: &Grid) -> Collider {
-        let reach = Reach::new(&shape, grid);
-        Collider { mass, shape, position, contact: Contact::default(), reach }
+    pub fn new(object: Object, grid: &Grid) -> Collider {
+        let reach = Reach::new(&object, grid);
+        Collider { object, contact: Contact::default(), reach }
     }
 }

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use firn_engine::frame::{Placement, TileCells};
 use firn_protocol::{SessionSpec, Settings};
-use firn_snow::{Contact, Elevation, Footprint, Grid, Material, Position, Shape};
+use firn_snow::{Contact, Elevation, Grid, Material, Object};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::{
-    Check, Clock, Collider, Falling, Ground, Ledger, Limits, ObjectSpec, SessionError, SessionState,
+    Check, Clock, Collider, Falling, Ground, Ledger, Limits, SessionError, SessionState,
 };
 use crate::core::snapshot::refused;
 
@@ -35,20 +35,18 @@ pub struct Description {
 
 /// An object and how it touched the snow.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct SavedCollider {
     pub id: String,
-    pub mass: f64,
-    pub shape: Shape,
-    pub position: Position,
+    #[serde(flatten)]
+    pub object: Object,
     pub contact: Contact,
 }
 
 impl SavedCollider {
     /// Where it stands; `None` where that is not in the grid.
     pub fn placement(&self, grid: &Grid) -> Option<Arc<Placement>> {
-        let footprint = Footprint::new(grid, &self.shape, self.position)?;
-        Some(Arc::new(Placement { mass: self.mass, footprint }))
+        let footprints = self.object.on(grid)?;
+        Some(Arc::new(Placement { mass: self.object.load(), footprints }))
     }
 }
 
@@ -57,8 +55,8 @@ impl Description {
     pub fn state(&self, ground: Option<Ground>) -> SessionState {
         let grid = self.spec.grid;
         let collider = |saved: &SavedCollider| {
-            let SavedCollider { mass, shape, position, contact, .. } = *saved;
-            let collider = Collider { contact, ..Collider::new(mass, shape, position, &grid) };
+            let new = Collider::new(saved.object.clone(), &grid);
+            let collider = Collider { contact: saved.contact, ..new };
             (Arc::from(saved.id.as_str()), collider)
         };
         SessionState {
@@ -116,16 +114,17 @@ impl Description {
         }
         for (i, saved) in self.colliders.iter().enumerate() {
             let at = format!("/colliders/{i}");
-            let SavedCollider { mass, shape, position, contact, .. } = *saved;
-            let object = ObjectSpec { mass, shape, position };
-            object.check(&mut check, &at, &saved.id, &self.spec.grid);
+            let SavedCollider { object, contact, .. } = saved;
+            check.object(&at, &saved.id, object, &self.spec.grid);
             let ordered = i == 0 || self.colliders[i - 1].id < saved.id;
             let positive = |number: f32| number > 0.0 && number.is_finite();
+            let presses =
+                if object.airborne { contact.pressure == 0.0 } else { positive(contact.pressure) };
             let footing = contact.last_cycle.unwrap_or(contact.footing());
             let held = [contact.bottom, contact.reference, footing.bottom]
                 .iter()
                 .all(|elevation| (Elevation::LOWEST..=Elevation::HIGHEST).contains(elevation));
-            if !(ordered && held && positive(contact.area) && positive(contact.pressure)) {
+            if !(ordered && held && positive(contact.area) && presses) {
                 check.reject(at, "is not what a server would have saved");
             }
         }

@@ -4,7 +4,7 @@ use axum::Json as Answer;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use firn_protocol::{
-    ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView, Stamp,
+    BatchReply, ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView, Stamp,
 };
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -35,7 +35,7 @@ pub struct ColliderPage {
 
 /// Create a collider
 ///
-/// Its footprint must lie inside the grid.
+/// One column at least of what it stands on must be in the grid.
 #[utoipa::path(
     post,
     path = "/v1/sessions/{id}/colliders",
@@ -91,7 +91,8 @@ pub async fn list(
 
 /// Put and remove several colliders
 ///
-/// All in one frame, or none. Up to 4096 in all.
+/// All in one frame, or none; with `"on_error": "skip"` those that are not in error, and a result for each. Up
+/// to 4096 in all. Removals come first.
 #[utoipa::path(
     post,
     path = "/v1/sessions/{id}/colliders:batch",
@@ -100,7 +101,7 @@ pub async fn list(
     params(SessionPath),
     request_body = ColliderBatch,
     responses(
-        (status = 200, description = "When they were put and removed", body = Stamp),
+        (status = 200, description = "When they were put and removed", body = BatchReply),
         SessionProblems,
         BodyProblems
     )

@@ -109,8 +109,9 @@ fn objects(count: usize, length: f64) -> Vec<ColliderSpec> {
     let object = |i: usize| ColliderSpec {
         id: Some(format!("object-{i}")),
         mass: (100 + i) as f64,
-        shape: Shape::Disk { radius: RADIUS },
+        shape: Some(Shape::Disk { radius: RADIUS }),
         position: Position { x: along(i % row), z: along(i / row) },
+        ..ColliderSpec::default()
     };
     (0..count).map(object).collect()
 }

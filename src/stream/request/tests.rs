@@ -52,8 +52,9 @@ fn changes_carry_the_body_of_their_rest_call() {
     let collider = ColliderSpec {
         id: Some("a".to_owned()),
         mass: 100.0,
-        shape: Shape::Disk { radius: 0.5 },
+        shape: Some(Shape::Disk { radius: 0.5 }),
         position: Position { x: 5.0, z: 6.0 },
+        ..ColliderSpec::default()
     };
     let object =
         r#"{"id":"a","mass":100,"shape":{"type":"disk","radius":0.5},"position":{"x":5,"z":6}}"#;
@@ -136,8 +137,9 @@ fn every_command_of_a_client_is_read() {
     let collider = ColliderSpec {
         id: Some("sledge".to_owned()),
         mass: 80.0,
-        shape: Shape::Disk { radius: 0.5 },
+        shape: Some(Shape::Disk { radius: 0.5 }),
         position: Position { x: 1.0, z: 2.0 },
+        ..ColliderSpec::default()
     };
     let resume = Some(Resume { epoch: "e".to_owned(), seq: 7 });
     let wish = Subscribe { stride: 2, colliders: true, resume, ..Subscribe::default() };

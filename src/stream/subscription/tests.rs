@@ -1,5 +1,5 @@
 use firn_protocol::{ColumnRegion, DepthWatch, EventKind, SessionSpec};
-use firn_snow::{Position, Shape};
+use firn_snow::{Object, Position, Shape};
 use serde_json::{Value, json};
 
 use crate::session::Clock;
@@ -20,9 +20,12 @@ fn mirror() -> Mirror {
 fn collider(id: &str, x: f64) -> ColliderView {
     ColliderView {
         id: id.to_owned(),
-        mass: 1.0,
-        shape: Shape::Disk { radius: 0.5 },
-        position: Position { x, z: 1.0 },
+        object: Object {
+            mass: 1.0,
+            shape: Some(Shape::Disk { radius: 0.5 }),
+            position: Position { x, z: 1.0 },
+            ..Object::default()
+        },
         bottom: 0.0,
         sink_depth: 0.0,
         contact_area: 0.0,

@@ -101,9 +101,12 @@ fn a_collider_is_in_view_where_its_box_overlaps() {
     let columns = ColumnRect { x0: 8, z0: 0, x1: 16, z1: 8 };
     let collider = |x: f64| ColliderView {
         id: "a".to_owned(),
-        mass: 1.0,
-        shape: Shape::Box { width: 0.5, depth: 0.5 },
-        position: Position { x, z: 1.0 },
+        object: Object {
+            mass: 1.0,
+            shape: Some(Shape::Box { width: 0.5, depth: 0.5 }),
+            position: Position { x, z: 1.0 },
+            ..Object::default()
+        },
         bottom: 0.0,
         sink_depth: 0.0,
         contact_area: 0.0,

@@ -138,10 +138,9 @@ impl Job {
                 (snowpack.clear(part, *depth), EDIT * part.columns(), rows_of(*columns))
             }
             Edit::PutCollider { id, collider, placed } => {
-                let footprint = collider.footprint.clone();
-                let columns = u64::from(footprint.columns);
-                snowpack.put_collider(id.clone(), collider.mass, footprint, *placed);
-                (0, OBJECT + columns, 1)
+                let footprints = collider.footprints.clone();
+                snowpack.put_collider(id.clone(), collider.mass, footprints, *placed);
+                (0, OBJECT + collider.columns(), 1)
             }
             Edit::RemoveCollider { id } => {
                 snowpack.remove_collider(id);
@@ -163,7 +162,7 @@ impl Job {
                 let end = contents.tiles.len() as u32;
                 if next + 1 >= end {
                     let colliders = contents.colliders.iter().map(|(id, placement, contact)| {
-                        (id.clone(), placement.mass, placement.footprint.clone(), *contact)
+                        (id.clone(), placement.mass, placement.footprints.clone(), *contact)
                     });
                     snowpack.restore_colliders(colliders);
                 }

@@ -29,6 +29,8 @@ pub enum Resource {
     Colliders,
     /// Spans of columns under the objects.
     Spans,
+    /// How high undersides that are not flat are over those columns.
+    Lifts,
     /// How each object touches the snow.
     Contacts,
     /// Tiles whose stress is to be evaluated.
@@ -153,7 +155,7 @@ pub const KERNELS: [Kernel; 9] = [
     Kernel {
         name: "contact",
         entry_point: "contact",
-        source: &[LAYOUT, ELEVATION, include_str!("../../../../shaders/contact.wgsl")],
+        source: &[LAYOUT, ELEVATION, WIDE, include_str!("../../../../shaders/contact.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Runs, Read),
@@ -162,6 +164,7 @@ pub const KERNELS: [Kernel; 9] = [
             (Colliders, Read),
             (Spans, Read),
             (Contacts, Write),
+            (Lifts, Read),
         ],
     },
     Kernel {
@@ -184,6 +187,7 @@ pub const KERNELS: [Kernel; 9] = [
             (Mass, Read),
             (Thickness, Read),
             (Stress, Write),
+            (Lifts, Read),
         ],
     },
     Kernel {

@@ -35,6 +35,8 @@ pub const DEPOSIT: u32 = 0;
 pub const CLEAR: u32 = 1;
 /// `Tile.session` of a tile that no session owns.
 pub const NO_SESSION: u32 = u32::MAX;
+/// `Collider.first_lift` of a flat footprint.
+pub const NONE: u32 = u32::MAX;
 
 /// An elevation as a device holds it: whole cells above level 0, and quanta above those.
 #[repr(C)]
@@ -181,7 +183,7 @@ pub struct Tally {
     pub mass_high: u32,
 }
 
-/// An object in this frame.
+/// A footprint of an object in this frame.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Collider {
@@ -195,7 +197,7 @@ pub struct Collider {
     pub first_span: u32,
     /// Rows of columns.
     pub rows: u32,
-    /// Columns.
+    /// Columns, those beyond the grid included.
     pub columns: u32,
     /// Lowest begin of a span.
     pub x0: u32,
@@ -209,6 +211,12 @@ pub struct Collider {
     pub placed: u32,
     /// Not 0 where a cycle follows this evaluation.
     pub runs: u32,
+    /// Footprints of the object, whose rows follow each other; 0 but in the first of them.
+    pub footprints: u32,
+    /// Columns that are beyond the grid.
+    pub overhang: u32,
+    /// First of the lifts over its columns; [`NONE`] where it is flat.
+    pub first_lift: u32,
 }
 
 /// How an object touches the snow.

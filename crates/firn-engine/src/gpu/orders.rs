@@ -9,7 +9,7 @@ use super::kernels::Resource;
 use super::layout::{Collider, ColumnJob, EditJob, LoadJob, Operation, SampleJob};
 use super::sections::{Sections, pieces};
 
-const SECTIONS: usize = 10;
+const SECTIONS: usize = 11;
 
 /// The rows of the submit that is being made.
 #[derive(Debug)]
@@ -18,6 +18,8 @@ pub struct Orders {
     pub colliders: Rows<Collider>,
     /// Spans of columns under objects.
     pub spans: Rows<[u32; 2]>,
+    /// How high undersides that are not flat are over the columns.
+    pub lifts: Rows<u32>,
     /// Tiles whose stress is to be evaluated.
     pub load_jobs: Rows<LoadJob>,
     /// Objects on those tiles.
@@ -71,6 +73,7 @@ impl Orders {
         Orders {
             colliders: Rows(Vec::new()),
             spans: Rows(Vec::new()),
+            lifts: Rows(Vec::new()),
             load_jobs: Rows(Vec::new()),
             loads: Rows(Vec::new()),
             edit_jobs: Rows(Vec::new()),
@@ -97,6 +100,7 @@ impl Orders {
             Resource::SampleJobs => 7,
             Resource::ColumnJobs => 8,
             Resource::ColumnLists => 9,
+            Resource::Lifts => 10,
             _ => return None,
         };
         Some(self.sections.binding(section))
@@ -116,6 +120,7 @@ impl Orders {
             self.sample_jobs.bytes(),
             self.column_jobs.bytes(),
             self.column_lists.bytes(),
+            self.lifts.bytes(),
         ];
         let sizes = bytes.map(|bytes| bytes.len() as u64);
         let replaced = self.sections.reserve(device, sizes);
@@ -146,6 +151,7 @@ impl Orders {
         self.sample_jobs.0.clear();
         self.column_jobs.0.clear();
         self.column_lists.0.clear();
+        self.lifts.0.clear();
         replaced
     }
 }

@@ -3,14 +3,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use firn_snow::GRAVITY;
+use firn_snow::{GRAVITY, Grid};
 
 use crate::frame::{Edit, Layout, Placement, Slot};
 
 use super::arena::Lot;
 use super::furnish::Unfurnished;
 use super::job::Job;
-use super::layout;
+use super::layout::{self, NONE};
+use super::orders::Orders;
 
 /// Snowpacks on the device, by their slots.
 #[derive(Debug, Default)]
@@ -52,7 +53,7 @@ pub struct Resident {
     pub row: layout::Session,
     /// Objects on it; loads add up in the order of their ids.
     pub bodies: BTreeMap<Arc<str>, Body>,
-    /// For each tile under an object the objects on it, by their rank among `bodies`.
+    /// For each tile under an object the footprints on it, by the rank of their rows.
     pub loads: BTreeMap<u32, Vec<u32>>,
     /// Tiles under no object whose snow was edited, and whose stress has not been evaluated since:
     /// nothing has needed it.
@@ -70,12 +71,30 @@ pub struct Resident {
 pub struct Body {
     /// Its load and where it stands.
     pub placement: Arc<Placement>,
-    /// Its row in the table of contacts.
+    /// Its first row in the table of contacts; each of its footprints has one.
     pub contact: u32,
-    /// Tiles under it, by their index in the snowpack.
-    pub tiles: Vec<u32>,
+    /// Tiles under each of its footprints, by their index in the snowpack.
+    footprint_tiles: Vec<Vec<u32>>,
     /// Whether the next evaluation begins to count the depth it sinks.
     pub placed: bool,
+}
+
+impl Body {
+    /// An object whose rows in the table of contacts begin at `contact`.
+    pub fn new(placement: Arc<Placement>, contact: u32, placed: bool, grid: &Grid) -> Body {
+        let footprint_tiles = placement.footprints.iter().map(|it| it.tiles(grid)).collect();
+        Body { placement, contact, footprint_tiles, placed }
+    }
+
+    /// Rows that it has in the tables of colliders and contacts: one for each footprint.
+    pub fn rows(&self) -> u32 {
+        self.placement.footprints.len() as u32
+    }
+
+    /// Tiles under it. A tile may be told for several footprints.
+    pub fn tiles(&self) -> impl Iterator<Item = u32> + '_ {
+        self.footprint_tiles.iter().flatten().copied()
+    }
 }
 
 impl Resident {
@@ -121,45 +140,47 @@ impl Resident {
         self.lot.places[tile as usize].page
     }
 
-    /// Rows of its objects, in ascending order of ids. `runs` says whether a cycle follows the
-    /// evaluation that they are for; `first_span` counts the spans before them.
-    pub fn collider_rows(
-        &self,
-        slot: Slot,
-        runs: bool,
-        first_span: u32,
-    ) -> (Vec<layout::Collider>, Vec<[u32; 2]>) {
-        let mut spans = Vec::new();
-        let mut rows = Vec::with_capacity(self.bodies.len());
+    /// Rows of its objects in the table of colliders.
+    pub fn body_rows(&self) -> usize {
+        self.bodies.values().map(|body| body.rows() as usize).sum()
+    }
+
+    /// Adds the rows of its objects, in ascending order of ids. `runs` says whether a cycle follows the
+    /// evaluation that they are for.
+    pub fn collider_rows(&self, slot: Slot, runs: bool, orders: &mut Orders) {
         for body in self.bodies.values() {
-            let footprint = &body.placement.footprint;
-            let begins = footprint.spans.iter().map(|span| span.0);
-            let ends = footprint.spans.iter().map(|span| span.1);
-            rows.push(layout::Collider {
-                session: slot,
-                contact: body.contact,
-                z0: footprint.z0,
-                first_span: first_span + spans.len() as u32,
-                rows: footprint.spans.len() as u32,
-                columns: footprint.columns,
-                x0: begins.min().unwrap_or(0),
-                x1: ends.max().unwrap_or(0),
-                area: footprint.area as f32,
-                weight: (body.placement.mass * GRAVITY) as f32,
-                placed: u32::from(body.placed),
-                runs: u32::from(runs),
-            });
-            spans.extend(footprint.spans.iter().map(|&(x0, x1)| [x0, x1]));
+            for (i, footprint) in (0..).zip(&body.placement.footprints) {
+                let (x0, x1) = footprint.extent();
+                orders.colliders.push(layout::Collider {
+                    session: slot,
+                    contact: body.contact + i,
+                    z0: footprint.z0,
+                    first_span: orders.spans.len(),
+                    rows: footprint.spans.len() as u32,
+                    columns: footprint.columns,
+                    x0,
+                    x1,
+                    area: footprint.area as f32,
+                    weight: (body.placement.mass * GRAVITY) as f32,
+                    placed: u32::from(body.placed),
+                    runs: u32::from(runs),
+                    footprints: if i == 0 { body.rows() } else { 0 },
+                    overhang: footprint.overhang,
+                    first_lift: if footprint.lifts.is_empty() { NONE } else { orders.lifts.len() },
+                });
+                orders.spans.extend(footprint.spans.iter().map(|&(x0, x1)| [x0, x1]));
+                orders.lifts.extend(footprint.lifts.iter().copied());
+            }
         }
-        (rows, spans)
     }
 
     /// Lists the objects on each tile anew. Returns the tiles that have come under an object, or
     /// are under none any more.
     pub fn list_loads(&mut self) -> Vec<u32> {
         let old: BTreeSet<u32> = std::mem::take(&mut self.loads).into_keys().collect();
-        for (rank, body) in (0..).zip(self.bodies.values()) {
-            for &tile in &body.tiles {
+        let footprints = self.bodies.values().flat_map(|body| &body.footprint_tiles);
+        for (rank, tiles) in (0..).zip(footprints) {
+            for &tile in tiles {
                 self.loads.entry(tile).or_default().push(rank);
             }
         }

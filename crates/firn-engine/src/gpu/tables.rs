@@ -88,12 +88,12 @@ impl Tables {
         device.queue.write_buffer(self.sessions.buffer(), offset, bytemuck::bytes_of(row));
     }
 
-    /// Takes a row of the table of contacts for an object.
-    pub fn take_contact(&mut self, device: &Device) -> u32 {
+    /// Takes rows of the table of contacts for an object, one for each footprint. Returns the first.
+    pub fn take_contacts(&mut self, device: &Device, rows: u32) -> u32 {
         let bytes = std::mem::size_of::<layout::Contact>() as u64;
         loop {
-            if let Some(row) = self.contact_rows.take(1) {
-                return row.start;
+            if let Some(taken) = self.contact_rows.take(rows) {
+                return taken.start;
             }
             let capacity = (self.contact_rows.capacity() * 2).max(64);
             self.contacts.grow(&device.device, &device.queue, u64::from(capacity) * bytes);
@@ -112,7 +112,7 @@ impl Tables {
     /// Gives the rows of objects back.
     pub fn forget_bodies<'a>(&mut self, bodies: impl Iterator<Item = &'a Body>) {
         for body in bodies {
-            self.contact_rows.give_back(body.contact..body.contact + 1);
+            self.contact_rows.give_back(body.contact..body.contact + body.rows());
         }
     }
 

@@ -148,31 +148,32 @@ impl Simulation {
             let kept = kept.map(|point| point.name.parse().unwrap_or(u8::MAX)).collect();
             Ok((session.view(), mass, session.mirror().colliders.clone(), token, kept))
         };
-        let found = match self
-            .wait("masses", look)
-            .map_err(|why| format!("session '{name}': {why}"))?
-        {
-            Ok((view, mass, objects, token, kept)) => {
-                if mass.imbalance_quanta != 0 {
-                    return Err(format!("session '{name}' is out of balance: {mass:?}"));
+        let found =
+            match self.wait("masses", look).map_err(|why| format!("session '{name}': {why}"))? {
+                Ok((view, mass, objects, token, kept)) => {
+                    if mass.imbalance_quanta != 0 {
+                        return Err(format!("session '{name}' is out of balance: {mass:?}"));
+                    }
+                    let objects = objects.iter();
+                    Some(Found {
+                        fallen: self.models[name]
+                            .let_fall(quanta(mass.fallen, &grid), mass.stamp.tick),
+                        cleared: quanta(mass.cleared, &grid),
+                        air: view.settings.air_temperature as i32,
+                        paused: view.settings.paused,
+                        objects: objects
+                            .map(|object| {
+                                (object.id.parse().unwrap_or(u8::MAX), object.object.mass as u32)
+                            })
+                            .collect(),
+                        token,
+                        tick: view.tick,
+                        kept,
+                    })
                 }
-                let objects = objects.iter();
-                Some(Found {
-                    fallen: self.models[name].let_fall(quanta(mass.fallen, &grid), mass.stamp.tick),
-                    cleared: quanta(mass.cleared, &grid),
-                    air: view.settings.air_temperature as i32,
-                    paused: view.settings.paused,
-                    objects: objects
-                        .map(|object| (object.id.parse().unwrap_or(u8::MAX), object.mass as u32))
-                        .collect(),
-                    token,
-                    tick: view.tick,
-                    kept,
-                })
-            }
-            Err(SessionError::NotFound { .. }) => None,
-            Err(why) => return Err(format!("session '{name}' can't be read: {why}")),
-        };
+                Err(SessionError::NotFound { .. }) => None,
+                Err(why) => return Err(format!("session '{name}' can't be read: {why}")),
+            };
         let model = self.models.get_mut(name).expect("each has one");
         model.find(found).map_err(|why| format!("session '{name}': {why}"))
     }

@@ -166,7 +166,7 @@ impl Snowpack {
             }
             if always || collider.changed || collider.tiles.iter().any(|&tile| tiles[tile].moved) {
                 collider.evaluate(tiles);
-                units += collider.columns.len() as u64;
+                units += collider.columns();
             }
             let contact = &mut collider.contact;
             contact.resting = contact.last_cycle == Some(contact.footing());

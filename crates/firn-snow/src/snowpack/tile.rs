@@ -99,13 +99,16 @@ impl Tile {
         for (x, z) in positions(self.rect) {
             let index = column_index(x, z);
             let surface = self.surface(index);
-            let standing = self.loads.iter().map(|&load| colliders[load]);
             loads.clear();
-            loads.extend(standing.filter(|c| covers(&c.footprint, x, z)).map(|collider| {
+            for collider in self.loads.iter().map(|&load| colliders[load]) {
                 let contact = &collider.contact;
-                let pressure = contact.pressure * share(contact.bottom, surface);
-                SurfaceLoad { pressure, width: contact.area.sqrt() }
-            }));
+                let stands = collider.stands.iter().filter(|it| covers(&it.footprint, x, z));
+                loads.extend(stands.map(|stand| {
+                    let surface = surface.less(stand.footprint.lift_over(x, z));
+                    let pressure = contact.pressure * share(contact.bottom, surface);
+                    SurfaceLoad { pressure, width: stand.width }
+                }));
+            }
             self.awake |= self.columns[index].stress(grid, material, &loads);
         }
         self.stale = false;

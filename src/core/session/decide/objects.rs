@@ -3,17 +3,22 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use firn_protocol::{ColliderBatch, ColliderPatch, ColliderSpec};
-use firn_snow::{Footprint, Grid, Shape};
+use firn_protocol::{
+    BatchOutcome, BatchResult, BatchResults, ColliderBatch, ColliderPatch, ColliderSpec,
+    FieldError, OnError,
+};
+use firn_snow::{Grid, MOST_CORNERS, MOST_FOOTPRINTS, Object, Shape};
 
 use crate::core::session::{
-    Check, Collider, Command, Decision, Invalid, ObjectSpec, Reach, SessionError, SessionState,
-    Told,
+    Check, Collider, Command, Decision, Invalid, Reach, SessionError, SessionState, Told,
 };
 use crate::quote::quote;
 
 /// Most entries of a batch of colliders.
 const LARGEST_BATCH: usize = 4096;
+
+/// Largest radius and width of a wheel \[m\].
+const LARGEST_WHEEL: f64 = 5.0;
 
 impl SessionState {
     pub(crate) fn decide_new_object(
@@ -41,8 +46,8 @@ impl SessionState {
         if let Some(most) = most.filter(|most| created && self.colliders.len() >= *most) {
             check.reject("", format!("a session may have at most {most} colliders"));
         }
-        let object = ObjectSpec::from(spec);
-        object.check(&mut check, "", &id, &self.grid);
+        let object = spec.object();
+        check.object("", &id, &object, &self.grid);
         check.finish()?;
         let command = Command::Objects { removed: Vec::new(), put: vec![(id.clone(), object)] };
         Ok(Decision { command, told: Told::Collider { id, created } })
@@ -55,12 +60,7 @@ impl SessionState {
         most: Option<usize>,
     ) -> Result<Decision, SessionError> {
         let old = self.known_collider(id)?;
-        let spec = ColliderSpec {
-            id: Some(id.to_owned()),
-            mass: patch.mass.unwrap_or(old.mass),
-            shape: patch.shape.unwrap_or(old.shape),
-            position: patch.position.unwrap_or(old.position),
-        };
+        let spec = ColliderSpec { id: Some(id.to_owned()), ..patch.clone().apply(&old.object) };
         self.decide_object(&spec, most)
     }
 
@@ -79,37 +79,18 @@ impl SessionState {
             let detail = format!("a batch may have at most {LARGEST_BATCH} entries");
             return Err(SessionError::Invalid(vec![Invalid::new("", detail)]));
         }
-        let mut check = Check::default();
-        let mut ids: BTreeSet<&str> = self.colliders.keys().map(|id| &**id).collect();
-        for (i, id) in batch.delete.iter().enumerate() {
-            if !ids.remove(id.as_str()) {
-                check.reject(format!("/delete/{i}"), format!("there is no collider {}", quote(id)));
+        let mut entries = Entries::new(self, most);
+        let delete = batch.delete.iter().map(|id| entries.delete(id)).collect();
+        let put = (0..).zip(&batch.put).map(|(i, spec)| entries.put(i, spec)).collect();
+        let results = match batch.on_error {
+            OnError::Refuse => {
+                entries.invalid.finish()?;
+                None
             }
-        }
-        let mut named: BTreeSet<&str> = BTreeSet::new();
-        let mut put = Vec::with_capacity(batch.put.len());
-        for (i, spec) in batch.put.iter().enumerate() {
-            let Some(id) = &spec.id else {
-                check.reject(format!("/put/{i}/id"), "is missing; a batch names its colliders");
-                continue;
-            };
-            if !named.insert(id) {
-                check.reject(
-                    format!("/put/{i}/id"),
-                    format!("{} stands twice in the batch", quote(id)),
-                );
-            }
-            ids.insert(id);
-            let (object, at) = (ObjectSpec::from(spec), format!("/put/{i}"));
-            object.check(&mut check, &at, id, &self.grid);
-            put.push((Arc::from(id.as_str()), object));
-        }
-        if let Some(most) = most.filter(|most| ids.len() > *most) {
-            check.reject("/put", format!("a session may have at most {most} colliders"));
-        }
-        check.finish()?;
-        let removed = batch.delete.iter().map(|id| Arc::from(id.as_str())).collect();
-        Ok(Decision { command: Command::Objects { removed, put }, told: Told::Stamp })
+            OnError::Skip => Some(Box::new(BatchResults { put, delete })),
+        };
+        let command = Command::Objects { removed: entries.removed, put: entries.objects };
+        Ok(Decision { command, told: Told::Batch(results) })
     }
 
     /// What the objects that a command takes away or replaces have of the device's tables, and what those
@@ -118,7 +99,7 @@ impl SessionState {
         let Command::Objects { removed, put } = command else { return (0, 0) };
         let words = |id: &Arc<str>| self.colliders.get(id).map_or(0, |it| it.reach.words());
         let named: BTreeSet<&Arc<str>> = removed.iter().chain(put.iter().map(|it| &it.0)).collect();
-        let more = |object: &ObjectSpec| Reach::new(&object.shape, &self.grid).words();
+        let more = |object: &Object| Reach::new(object, &self.grid).words();
         (named.into_iter().map(words).sum(), put.iter().map(|(_, object)| more(object)).sum())
     }
 
@@ -128,35 +109,143 @@ impl SessionState {
     }
 }
 
-impl From<&ColliderSpec> for ObjectSpec {
-    fn from(spec: &ColliderSpec) -> ObjectSpec {
-        ObjectSpec { mass: spec.mass, shape: spec.shape, position: spec.position }
+/// The entries of a batch, as far as they have been looked at.
+struct Entries<'a> {
+    grid: &'a Grid,
+    most: Option<usize>,
+    /// Names of the colliders there are then.
+    ids: BTreeSet<&'a str>,
+    /// Names of those that are put.
+    named: BTreeSet<&'a str>,
+    removed: Vec<Arc<str>>,
+    objects: Vec<(Arc<str>, Object)>,
+    /// What is wrong with any of them.
+    invalid: Check,
+}
+
+impl<'a> Entries<'a> {
+    fn new(state: &'a SessionState, most: Option<usize>) -> Self {
+        Entries {
+            grid: &state.grid,
+            most,
+            ids: state.colliders.keys().map(|id| &**id).collect(),
+            named: BTreeSet::new(),
+            removed: Vec::new(),
+            objects: Vec::new(),
+            invalid: Check::default(),
+        }
+    }
+
+    /// Takes a collider away. It is no error where there is none of that name.
+    fn delete(&mut self, id: &'a str) -> BatchResult {
+        let there = self.ids.remove(id);
+        if there {
+            self.removed.push(Arc::from(id));
+        }
+        let result = if there { BatchOutcome::Removed } else { BatchOutcome::Absent };
+        BatchResult { id: Some(id.to_owned()), result, errors: Vec::new() }
+    }
+
+    /// Puts the collider of an entry, unless something is wrong with it.
+    fn put(&mut self, i: usize, spec: &'a ColliderSpec) -> BatchResult {
+        let at = format!("/put/{i}");
+        let mut check = Check::default();
+        let object = spec.object();
+        let id = spec.id.as_deref().unwrap_or_default();
+        if spec.id.is_none() {
+            check.reject(format!("{at}/id"), "is missing; a batch names its colliders");
+        } else if self.named.contains(id) {
+            check.reject(format!("{at}/id"), format!("{} stands twice in the batch", quote(id)));
+        }
+        if spec.id.is_some() {
+            check.object(&at, id, &object, self.grid);
+        }
+        let created = !self.ids.contains(id);
+        if let Some(most) = self.most.filter(|most| created && self.ids.len() >= *most) {
+            check.reject(at, format!("a session may have at most {most} colliders"));
+        }
+        if check.passed() {
+            self.ids.insert(id);
+            self.named.insert(id);
+            self.objects.push((Arc::from(id), object));
+            let result = if created { BatchOutcome::Created } else { BatchOutcome::Replaced };
+            return BatchResult { id: spec.id.clone(), result, errors: Vec::new() };
+        }
+        let told = |Invalid { pointer, detail }: Invalid| FieldError { pointer, detail };
+        let errors = check.errors().cloned().map(told).collect();
+        self.invalid.join(check);
+        BatchResult { id: spec.id.clone(), result: BatchOutcome::Skipped, errors }
     }
 }
 
-impl ObjectSpec {
+impl Check {
     /// Notes what is wrong with an object.
-    pub fn check(&self, check: &mut Check, at: &str, id: &str, grid: &Grid) {
-        check.id(format!("{at}/id"), id);
-        check.range(format!("{at}/mass"), self.mass, f64::MIN_POSITIVE, 1e9, "kg");
-        let sides: &[(&str, f64)] = match self.shape {
-            Shape::Box { width, depth } => &[("width", width), ("depth", depth)],
-            Shape::Disk { radius } => &[("radius", radius)],
-        };
-        for (side, length) in sides {
-            check.range(format!("{at}/shape/{side}"), *length, 1e-3, 1e6, "m");
+    pub fn object(&mut self, at: &str, id: &str, object: &Object, grid: &Grid) {
+        let before = self.errors().len();
+        self.id(format!("{at}/id"), id);
+        self.range(format!("{at}/mass"), object.mass, f64::MIN_POSITIVE, 1e9, "kg");
+        self.range(format!("{at}/heading"), object.heading, -36_000.0, 36_000.0, "°");
+        match (&object.shape, &object.footprints[..]) {
+            (Some(shape), []) => self.shape(&format!("{at}/shape"), shape),
+            (None, parts) if (1..=MOST_FOOTPRINTS).contains(&parts.len()) => {
+                for (i, part) in parts.iter().enumerate() {
+                    let at = format!("{at}/footprints/{i}");
+                    self.shape(&format!("{at}/shape"), &part.shape);
+                    self.range(format!("{at}/heading"), part.heading, -36_000.0, 36_000.0, "°");
+                    for (axis, offset) in [("x", part.offset.x), ("z", part.offset.z)] {
+                        self.range(format!("{at}/offset/{axis}"), offset, -1000.0, 1000.0, "m");
+                    }
+                }
+            }
+            (Some(_), _) => self.reject(
+                format!("{at}/footprints"),
+                "is there beside a shape; an object has one or the other",
+            ),
+            (None, []) => self.reject(
+                format!("{at}/shape"),
+                format!("is missing; an object has a shape or 1 to {MOST_FOOTPRINTS} footprints"),
+            ),
+            (None, parts) => self.reject(
+                format!("{at}/footprints"),
+                format!("{} of them; an object has at most {MOST_FOOTPRINTS}", parts.len()),
+            ),
         }
-        if check.passed() && Footprint::new(grid, &self.shape, self.position).is_none() {
+        if self.errors().len() == before && object.on(grid).is_none() {
             let (width, depth) = (f64::from(grid.width), f64::from(grid.depth));
-            check.reject(
+            self.reject(
                 format!("{at}/position"),
                 format!(
-                    "the footprint reaches beyond the grid, which is 0 to {} m along x and 0 to \
-                     {} m along z",
+                    "none of its columns is in the grid, which is 0 to {} m along x and 0 to {} m \
+                     along z",
                     width * grid.cell_size,
                     depth * grid.cell_size
                 ),
             );
+        }
+    }
+
+    fn shape(&mut self, at: &str, shape: &Shape) {
+        let (sides, longest): (&[(&str, f64)], f64) = match shape {
+            Shape::Box { width, depth } => (&[("width", *width), ("depth", *depth)], 1e6),
+            Shape::Disk { radius } => (&[("radius", *radius)], 1e6),
+            Shape::Capsule { length, radius } => (&[("length", *length), ("radius", *radius)], 1e6),
+            Shape::Wheel { width, radius } => {
+                (&[("width", *width), ("radius", *radius)], LARGEST_WHEEL)
+            }
+            Shape::Polygon { .. } => (&[], 0.0),
+        };
+        for (side, length) in sides {
+            self.range(format!("{at}/{side}"), *length, 1e-3, longest, "m");
+        }
+        if let Shape::Polygon { corners } = shape {
+            for (i, corner) in corners.iter().take(MOST_CORNERS).enumerate() {
+                for (axis, along) in corner.iter().enumerate() {
+                    self.range(format!("{at}/corners/{i}/{axis}"), *along, -1000.0, 1000.0, "m");
+                }
+            }
+        }
+        if let Some((field, flaw)) = shape.flaw() {
+            self.reject(format!("{at}/{field}"), flaw);
         }
     }
 }

@@ -13,7 +13,7 @@ pub enum Step {
     Snow(Range<u32>),
     /// All other edits of a round.
     Objects,
-    /// Contacts of some objects are evaluated: after edits, or before a cycle.
+    /// Contacts of some objects are evaluated, by their rows: after edits, or before a cycle.
     Touch(Range<u32>, When),
     /// Stresses of some tiles are.
     Press(Vec<u32>, When),

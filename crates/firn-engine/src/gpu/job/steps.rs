@@ -232,19 +232,18 @@ impl Job {
 
     fn touch(&mut self, resident: &Resident, most: u64, when: When, then: Stage, part: &mut Part) {
         self.tell_cycles(part);
-        let objects = resident.bodies.len() as u32;
-        let (first, mut units) = (self.next, 0);
-        for body in resident.bodies.values().skip(first as usize) {
-            if units >= most {
-                break;
+        let (first, mut units, mut row) = (self.next, 0, 0);
+        for body in resident.bodies.values() {
+            row += body.rows();
+            if units < most && row > self.next {
+                units += contact_units(body.placement.columns());
+                self.next = row;
             }
-            units += contact_units(body.placement.footprint.columns.into());
-            self.next += 1;
         }
         if self.next > first {
             part.add(units, Step::Touch(first..self.next, when));
         }
-        if self.next == objects {
+        if self.next == row {
             self.enter(then);
         }
     }

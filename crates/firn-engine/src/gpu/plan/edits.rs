@@ -103,7 +103,7 @@ impl Planner<'_> {
         for tile in &stressed {
             resident.unweighed.remove(tile);
         }
-        edited.colliders += resident.bodies.len() as u32;
+        edited.colliders += resident.body_rows() as u32;
         let first = self.collider_rows(slot, resident, runs);
         self.load_jobs(first, resident, stressed.into_iter(), &mut edited.load_jobs);
         resident.bodies.values_mut().for_each(|body| body.placed = false);
@@ -134,19 +134,26 @@ impl Planner<'_> {
     ) -> bool {
         match edit {
             Edit::PutCollider { id, collider, placed } => {
-                let tiles = collider.footprint.tiles(&resident.layout.grid);
-                stressed.extend(tiles.iter().copied());
-                let old = resident.bodies.get(&id);
-                stressed.extend(old.iter().flat_map(|old| old.tiles.iter().copied()));
-                let contact =
-                    old.map_or_else(|| self.tables.take_contact(self.device), |old| old.contact);
-                let placed = placed || old.is_none_or(|old| old.placed);
-                resident.bodies.insert(id, Body { placement: collider, contact, tiles, placed });
+                let old = resident.bodies.remove(&id);
+                stressed.extend(old.iter().flat_map(|old| old.tiles()));
+                let same =
+                    old.as_ref().filter(|old| old.rows() == collider.footprints.len() as u32);
+                let kept = same.map(|old| (old.contact, placed || old.placed));
+                if let Some(old) = old.filter(|_| kept.is_none()) {
+                    self.tables.forget_bodies(std::iter::once(&old));
+                }
+                let (contact, placed) = kept.unwrap_or_else(|| {
+                    let rows = collider.footprints.len() as u32;
+                    (self.tables.take_contacts(self.device, rows), true)
+                });
+                let body = Body::new(collider, contact, placed, &resident.layout.grid);
+                stressed.extend(body.tiles());
+                resident.bodies.insert(id, body);
                 true
             }
             Edit::RemoveCollider { id } => {
                 let Some(body) = resident.bodies.remove(&id) else { return false };
-                stressed.extend(body.tiles.iter().copied());
+                stressed.extend(body.tiles());
                 self.tables.forget_bodies(std::iter::once(&body));
                 true
             }
@@ -258,10 +265,10 @@ impl Planner<'_> {
         contents: &Contents,
     ) -> BTreeMap<Arc<str>, Body> {
         let body = |(id, placement, contact): &(Arc<str>, Arc<Placement>, Contact)| {
-            let row = self.tables.take_contact(self.device);
+            let row = self.tables.take_contacts(self.device, placement.footprints.len() as u32);
+            // The rows of its other footprints are evaluated before any stress is.
             self.tables.set_contact(self.device, row, contact);
-            let tiles = placement.footprint.tiles(&resident.layout.grid);
-            let body = Body { placement: placement.clone(), contact: row, tiles, placed: false };
+            let body = Body::new(placement.clone(), row, false, &resident.layout.grid);
             (id.clone(), body)
         };
         contents.colliders.iter().map(body).collect()
@@ -281,9 +288,7 @@ impl Planner<'_> {
     /// Returns the row of the first.
     pub(super) fn collider_rows(&mut self, slot: Slot, resident: &Resident, runs: bool) -> u32 {
         let first = self.tables.orders.colliders.len();
-        let (colliders, spans) = resident.collider_rows(slot, runs, self.tables.orders.spans.len());
-        self.tables.orders.colliders.extend(colliders);
-        self.tables.orders.spans.extend(spans);
+        resident.collider_rows(slot, runs, &mut self.tables.orders);
         first
     }
 

@@ -81,9 +81,9 @@ impl Planner<'_> {
         job.press_later(stressed.into_iter().collect());
     }
 
-    /// Has contacts of some objects evaluated, the first of which has a row.
-    fn touch(&mut self, first: u32, objects: Range<u32>, when: When) {
-        let (first, count) = (first + objects.start, objects.len() as u32);
+    /// Has contacts of some objects evaluated, by their rows, the first of all objects having a row.
+    fn touch(&mut self, first: u32, rows: Range<u32>, when: When) {
+        let (first, count) = (first + rows.start, rows.len() as u32);
         let pass = Pass { first, count, cycle: when.cycle, flags: flags(when), ..Pass::default() };
         self.dispatch(KernelId::Contact, 0, pass, count);
     }

@@ -155,7 +155,7 @@ impl Planner<'_> {
             let mut own = Vec::new();
             let first = self.collider_rows(slot, resident, true);
             self.load_jobs(first, resident, resident.loads.keys().copied(), &mut own);
-            objects.extend(std::iter::repeat_n(cycles, resident.bodies.len()));
+            objects.extend(std::iter::repeat_n(cycles, resident.body_rows()));
             for (page, job) in own {
                 pages.entry(page).or_default().push((cycles, job));
             }
