@@ -51,6 +51,31 @@ export interface components {
          * @enum {string}
          */
         Auth: "open" | "required";
+        /**
+         * @description What was done of an entry of a batch.
+         * @enum {string}
+         */
+        BatchOutcome: "created" | "replaced" | "removed" | "absent" | "skipped";
+        /** @description Answer to a batch of colliders. */
+        BatchReply: components["schemas"]["Stamp"] & {
+            results: components["schemas"]["BatchResults"] | null;
+        };
+        /** @description What was done of one entry of a batch. */
+        BatchResult: {
+            /** @description Name of the collider, as far as it was told. */
+            id: string | null;
+            /** @description What was done. */
+            result: components["schemas"]["BatchOutcome"];
+            /** @description Why it was skipped: what is wrong, each with where in the batch. */
+            errors: components["schemas"]["FieldError"][];
+        };
+        /** @description What was done of a batch, entry by entry. */
+        BatchResults: {
+            /** @description One for each entry of `put`, in their order. */
+            put: components["schemas"]["BatchResult"][];
+            /** @description One for each entry of `delete`, in their order. */
+            delete: components["schemas"]["BatchResult"][];
+        };
         /** @description A cell of the fixed grid. */
         CellOrigin: {
             /** @description Along x. */
@@ -126,12 +151,14 @@ export interface components {
             /** @description Mass that was removed [kg]. */
             cleared_mass: number;
         };
-        /** @description Colliders put and removed in one frame, all or none. */
+        /** @description Colliders put and removed in one frame. */
         ColliderBatch: {
             /** @description Colliders to create or replace; each needs an `id`. */
             put?: components["schemas"]["ColliderSpec"][];
-            /** @description Ids of colliders to remove. */
+            /** @description Ids of colliders to remove. One that is not there is no error. */
             delete?: string[];
+            /** @description What is done where one of them is in error. */
+            on_error?: components["schemas"]["OnError"];
         };
         /** @description Removes a collider, as DELETE …/colliders/{cid}. */
         ColliderDeleteMessage: {
@@ -148,7 +175,13 @@ export interface components {
             /** @description Mass [kg]. */
             mass?: number | null;
             shape?: components["schemas"]["Shape"] | null;
+            /** @description Outlines that it stands on, in place of what it stood on. */
+            footprints?: components["schemas"]["Part"][] | null;
             position?: components["schemas"]["Position"] | null;
+            /** @description Compass bearing of its front [°]. */
+            heading?: number | null;
+            /** @description Whether it is held up. */
+            airborne?: boolean | null;
         };
         /** @description Creates, replaces or moves a collider, as PUT …/colliders/{cid}. */
         ColliderPutMessage: {
@@ -159,27 +192,34 @@ export interface components {
         };
         /** @description Answer to a collider that was put or patched. */
         ColliderReply: components["schemas"]["Stamp"] & components["schemas"]["ColliderView"];
-        /** @description An object that stands on the snow. */
+        /**
+         * @description An object that stands on the snow.
+         *
+         *     It has either a `shape` or `footprints`. One of its columns must be in the grid; what hangs over the edge has
+         *     full support of its own.
+         */
         ColliderSpec: {
             /** @description Name, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none. */
             id?: string | null;
             /** @description Mass [kg]. */
             mass: number;
-            /** @description Outline from above. */
-            shape: components["schemas"]["Shape"];
+            shape?: components["schemas"]["Shape"] | null;
+            /**
+             * @description Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
+             *     rigid body; its weight is shared by the contact of each.
+             */
+            footprints?: components["schemas"]["Part"][] | null;
             /** @description Where its centre is [m]. */
             position: components["schemas"]["Position"];
+            /** @description Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east). */
+            heading?: number;
+            /** @description Whether it is held up: then it presses nothing. */
+            airborne?: boolean;
         };
         /** @description An object on the snow and how it stands there. */
-        ColliderView: {
+        ColliderView: Record<string, never> & {
             /** @description Its name. */
             id: string;
-            /** @description Mass [kg]. */
-            mass: number;
-            /** @description Outline from above. */
-            shape: components["schemas"]["Shape"];
-            /** @description Where its centre is [m]. */
-            position: components["schemas"]["Position"];
             /** @description Elevation of its bottom [m]. */
             bottom: number;
             /**
@@ -187,7 +227,7 @@ export interface components {
              *     moved [m].
              */
             sink_depth: number;
-            /** @description Area in contact [m²]. */
+            /** @description Area in contact [m²]; 0 while it is held up, as is its pressure. */
             contact_area: number;
             /** @description Pressure on the area in contact [Pa]. */
             pressure: number;
@@ -605,6 +645,11 @@ export interface components {
             /** @description Tiles encoded for its streams, and the buffers of those that are open. */
             streams: number;
         };
+        /**
+         * @description What a batch does where one of its entries is in error.
+         * @enum {string}
+         */
+        OnError: "refuse" | "skip";
         /** @description A column. */
         Origin: {
             /** @description Along x. */
@@ -625,6 +670,15 @@ export interface components {
             items: components["schemas"]["SessionView"][];
             /** @description Cursor of the next page; `null` after the last. */
             next_cursor: string | null;
+        };
+        /** @description One of several outlines on which an object stands: a foot, or a wheel. */
+        Part: {
+            /** @description Its outline from above. */
+            shape: components["schemas"]["Shape"];
+            /** @description Where its centre is, seen from the object's [m]: x to the object's right, z forward. */
+            offset: components["schemas"]["Position"];
+            /** @description How far it is turned against the object [°], clockwise from above. */
+            heading?: number;
         };
         /** @description Asks for a pong. */
         PingMessage: {
@@ -957,11 +1011,11 @@ export interface components {
             /** @description Seconds without request or stream after which the session is deleted; `null` for never. */
             delete_after_s?: number | null;
         };
-        /** @description Outline of a rigid, level object seen from above. */
+        /** @description Outline of a rigid, level object seen from above, around its centre: x to its right, z forward. */
         Shape: {
-            /** @description Extent along x [m]. */
+            /** @description Extent from left to right [m]. */
             width: number;
-            /** @description Extent along z [m]. */
+            /** @description Extent from back to front [m]. */
             depth: number;
             /** @enum {string} */
             type: "box";
@@ -970,6 +1024,25 @@ export interface components {
             radius: number;
             /** @enum {string} */
             type: "disk";
+        } | {
+            /** @description Extent from back to front [m], the half circles included: at least twice the radius. */
+            length: number;
+            /** @description Radius of the half circles, half its extent from left to right [m]. */
+            radius: number;
+            /** @enum {string} */
+            type: "capsule";
+        } | {
+            /** @description Its corners [x, z] [m] in order, either way round. */
+            corners: number[][];
+            /** @enum {string} */
+            type: "polygon";
+        } | {
+            /** @description Extent from left to right [m]. */
+            width: number;
+            /** @description Radius [m]. */
+            radius: number;
+            /** @enum {string} */
+            type: "wheel";
         };
         /** @description One layer of the snow a session begins with. */
         SnowLayer: {
@@ -1278,6 +1351,10 @@ export type AirTemperatureMessage = components['schemas']['AirTemperatureMessage
 export type AirTemperatureReply = components['schemas']['AirTemperatureReply'];
 export type Alive = components['schemas']['Alive'];
 export type Auth = components['schemas']['Auth'];
+export type BatchOutcome = components['schemas']['BatchOutcome'];
+export type BatchReply = components['schemas']['BatchReply'];
+export type BatchResult = components['schemas']['BatchResult'];
+export type BatchResults = components['schemas']['BatchResults'];
 export type CellOrigin = components['schemas']['CellOrigin'];
 export type CellsView = components['schemas']['CellsView'];
 export type CheckpointList = components['schemas']['CheckpointList'];
@@ -1331,9 +1408,11 @@ export type MassView = components['schemas']['MassView'];
 export type Material = components['schemas']['Material'];
 export type MaterialSpec = components['schemas']['MaterialSpec'];
 export type MemoryBytes = components['schemas']['MemoryBytes'];
+export type OnError = components['schemas']['OnError'];
 export type Origin = components['schemas']['Origin'];
 export type Page_ColliderView = components['schemas']['Page_ColliderView'];
 export type Page_SessionView = components['schemas']['Page_SessionView'];
+export type Part = components['schemas']['Part'];
 export type PingMessage = components['schemas']['PingMessage'];
 export type PlainEvent = components['schemas']['PlainEvent'];
 export type PongMessage = components['schemas']['PongMessage'];

@@ -47,6 +47,32 @@ class Alive(TypedDict):
 Auth: TypeAlias = Literal["open", "required"]
 
 
+BatchOutcome: TypeAlias = Literal["created", "replaced", "removed", "absent", "skipped"]
+
+
+class BatchResult(TypedDict):
+    """What was done of one entry of a batch."""
+
+    id: str | None
+    """Name of the collider, as far as it was told."""
+
+    result: BatchOutcome
+    """What was done."""
+
+    errors: list[FieldError]
+    """Why it was skipped: what is wrong, each with where in the batch."""
+
+
+class BatchResults(TypedDict):
+    """What was done of a batch, entry by entry."""
+
+    put: list[BatchResult]
+    """One for each entry of `put`, in their order."""
+
+    delete: list[BatchResult]
+    """One for each entry of `delete`, in their order."""
+
+
 class CellOrigin(TypedDict):
     """A cell of the fixed grid."""
 
@@ -117,13 +143,16 @@ class ClearingMessage(TypedDict):
 
 
 class ColliderBatch(TypedDict):
-    """Colliders put and removed in one frame, all or none."""
+    """Colliders put and removed in one frame."""
 
     put: NotRequired[list[ColliderSpec]]
     """Colliders to create or replace; each needs an `id`."""
 
     delete: NotRequired[list[str]]
-    """Ids of colliders to remove."""
+    """Ids of colliders to remove. One that is not there is no error."""
+
+    on_error: NotRequired[OnError]
+    """What is done where one of them is in error."""
 
 
 class ColliderDeleteMessage(TypedDict):
@@ -142,7 +171,15 @@ class ColliderPatch(TypedDict):
     """Mass [kg]."""
 
     shape: NotRequired[Shape | None]
+    footprints: NotRequired[list[Part] | None]
+    """Outlines that it stands on, in place of what it stood on."""
+
     position: NotRequired[Position | None]
+    heading: NotRequired[float | None]
+    """Compass bearing of its front [°]."""
+
+    airborne: NotRequired[bool | None]
+    """Whether it is held up."""
 
 
 class ColliderPutMessage(TypedDict):
@@ -154,7 +191,12 @@ class ColliderPutMessage(TypedDict):
 
 
 class ColliderSpec(TypedDict):
-    """An object that stands on the snow."""
+    """
+    An object that stands on the snow.
+
+    It has either a `shape` or `footprints`. One of its columns must be in the grid; what hangs over the edge has
+    full support of its own.
+    """
 
     id: NotRequired[str | None]
     """Name, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none."""
@@ -162,11 +204,21 @@ class ColliderSpec(TypedDict):
     mass: float
     """Mass [kg]."""
 
-    shape: Shape
-    """Outline from above."""
+    shape: NotRequired[Shape | None]
+    footprints: NotRequired[list[Part] | None]
+    """
+    Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
+    rigid body; its weight is shared by the contact of each.
+    """
 
     position: Position
     """Where its centre is [m]."""
+
+    heading: NotRequired[float]
+    """Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east)."""
+
+    airborne: NotRequired[bool]
+    """Whether it is held up: then it presses nothing."""
 
 
 class ColliderView(TypedDict):
@@ -174,15 +226,6 @@ class ColliderView(TypedDict):
 
     id: str
     """Its name."""
-
-    mass: float
-    """Mass [kg]."""
-
-    shape: Shape
-    """Outline from above."""
-
-    position: Position
-    """Where its centre is [m]."""
 
     bottom: float
     """Elevation of its bottom [m]."""
@@ -194,7 +237,7 @@ class ColliderView(TypedDict):
     """
 
     contact_area: float
-    """Area in contact [m²]."""
+    """Area in contact [m²]; 0 while it is held up, as is its pressure."""
 
     pressure: float
     """Pressure on the area in contact [Pa]."""
@@ -647,6 +690,9 @@ class MemoryBytes(TypedDict):
     """Tiles encoded for its streams, and the buffers of those that are open."""
 
 
+OnError: TypeAlias = Literal["refuse", "skip"]
+
+
 class Origin(TypedDict):
     """A column."""
 
@@ -675,6 +721,19 @@ class PageSessionView(TypedDict):
 
     next_cursor: str | None
     """Cursor of the next page; `null` after the last."""
+
+
+class Part(TypedDict):
+    """One of several outlines on which an object stands: a foot, or a wheel."""
+
+    shape: Shape
+    """Its outline from above."""
+
+    offset: Position
+    """Where its centre is, seen from the object's [m]: x to the object's right, z forward."""
+
+    heading: NotRequired[float]
+    """How far it is turned against the object [°], clockwise from above."""
 
 
 class PingMessage(TypedDict):
@@ -1125,15 +1184,27 @@ class SettingsPatch(TypedDict):
 
 
 class ShapeBox(TypedDict):
-    """An axis-aligned rectangle."""
+    """A rectangle."""
 
     width: float
-    """Extent along x [m]."""
+    """Extent from left to right [m]."""
 
     depth: float
-    """Extent along z [m]."""
+    """Extent from back to front [m]."""
 
     type: Literal["box"]
+
+
+class ShapeCapsule(TypedDict):
+    """A rectangle with half circles at its back and its front."""
+
+    length: float
+    """Extent from back to front [m], the half circles included: at least twice the radius."""
+
+    radius: float
+    """Radius of the half circles, half its extent from left to right [m]."""
+
+    type: Literal["capsule"]
 
 
 class ShapeDisk(TypedDict):
@@ -1145,7 +1216,31 @@ class ShapeDisk(TypedDict):
     type: Literal["disk"]
 
 
-Shape: TypeAlias = ShapeBox | ShapeDisk
+class ShapePolygon(TypedDict):
+    """A convex polygon."""
+
+    corners: list[list[float]]
+    """Its corners [x, z] [m] in order, either way round."""
+
+    type: Literal["polygon"]
+
+
+class ShapeWheel(TypedDict):
+    """
+    A wheel that rolls forward: a cylinder on its side. It touches the snow with its lowest line, and with
+    more of its rim the deeper it sinks.
+    """
+
+    width: float
+    """Extent from left to right [m]."""
+
+    radius: float
+    """Radius [m]."""
+
+    type: Literal["wheel"]
+
+
+Shape: TypeAlias = ShapeBox | ShapeDisk | ShapeCapsule | ShapePolygon | ShapeWheel
 
 
 class SnowLayer(TypedDict):
@@ -1221,6 +1316,12 @@ class AirTemperatureReply(Stamp):
 
     celsius: float
     """Temperature of the air [°C]."""
+
+
+class BatchReply(Stamp):
+    """Answer to a batch of colliders."""
+
+    results: BatchResults | None
 
 
 class CellsView(Stamp):
