@@ -34,7 +34,7 @@ mod usage;
 mod weather;
 
 pub use firn_snow::{
-    Grid, HardnessLaw, LoadDistribution, Material, Object, Part, Position, Preset, Shape,
+    Grid, HardnessLaw, LoadDistribution, Material, Object, Part, Position, Preset, Pressing, Shape,
 };
 
 pub use checkpoints::{CheckpointList, CheckpointView, ResetSpec};

@@ -36,6 +36,7 @@ mod grid;
 mod material;
 mod object;
 mod preset;
+mod pressing;
 mod recut;
 mod sample;
 mod shape;
@@ -53,6 +54,7 @@ pub use material::{
 };
 pub use object::{MOST_FOOTPRINTS, Object, Part, Position};
 pub use preset::Preset;
+pub use pressing::Pressing;
 pub use sample::{Content, Floor, Sample, sample_column};
 pub use shape::{Extent, MOST_CORNERS, Shape, Turn};
 pub use snowpack::{Progress, Snowpack};
