@@ -22,8 +22,6 @@ var<immediate> work: Pass;
 // How high undersides that are not flat are over the columns, in thickness quanta.
 @group(0) @binding(15) var<storage, read> lifts: array<u32>;
 
-const TWO_TO_ONE: u32 = 0u;
-const UNIFORM: u32 = 1u;
 // Loads on one column that are kept in registers; any more are looked up for every cell.
 const KEPT: u32 = 4u;
 
@@ -48,15 +46,6 @@ fn load_on(session: Session, load: u32, position: vec2<u32>, surface: Elevation)
     }
     let share = f32(share_units(contact.bottom, touching)) / f32(CONTACT_DEPTH);
     return vec2(contact.pressure * share, contact.width);
-}
-
-// Part of a surface stress at a depth [m] under a load of a width [m].
-fn spread(distribution: u32, depth: f32, width: f32, top: bool) -> f32 {
-    if distribution == TWO_TO_ONE {
-        let ratio = width / (width + depth);
-        return ratio * ratio;
-    }
-    return select(0.0, 1.0, distribution == UNIFORM || top);
 }
 
 // Cells of a column that are fetched together, while those above them are evaluated.

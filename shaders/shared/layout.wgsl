@@ -166,7 +166,20 @@ struct Operation {
     padding: vec2<u32>,
 }
 
-// Mass quanta that an operation refused or cleared.
+// A load that presses columns at once.
+struct Stamp {
+    // x0, z0, and behind the last x1, z1.
+    columns: vec4<u32>,
+    // First of the shares that it covers of them, row by row.
+    first_share: u32,
+    // Its row in the table of results.
+    result: u32,
+    // Pressure [Pa], and width over which it spreads [m].
+    pressure: f32,
+    width: f32,
+}
+
+// Mass quanta that an operation refused or cleared, or the largest dent of a stamp.
 struct OperationResult {
     low: atomic<u32>,
     high: atomic<u32>,

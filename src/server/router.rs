@@ -22,7 +22,7 @@ use crate::http::compression::compress;
 use crate::http::gate::{check_host, check_origin, guard};
 use crate::http::handlers::{
     self, air_temperature, cells, checkpoints, clearings, colliders, columns, health, height,
-    heights, mass, probes, profile, render, samples, sessions, snapshots, snowfalls, store,
+    heights, mass, probes, profile, render, samples, sessions, snapshots, snowfalls, stamps, store,
     terrain, tokens, unlock, usage,
 };
 use crate::http::observe::observe;
@@ -67,6 +67,7 @@ fn repeatable_routes() -> OpenApiRouter<App> {
         .routes(routes!(sessions::create, sessions::list))
         .routes(routes!(snowfalls::create))
         .routes(routes!(clearings::create))
+        .routes(routes!(stamps::create))
         .routes(routes!(colliders::create, colliders::list))
         .routes(routes!(colliders::batch));
     document::tell_of_keys(routes.get_openapi_mut());

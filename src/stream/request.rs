@@ -2,7 +2,7 @@
 
 use firn_protocol::{
     AirTemperature, Clearing, ColliderBatch, ColliderSpec, DepthWatch, MOST_WATCHES, ProbeBatch,
-    SampleBatch, SettingsPatch, Snowfall, Subscribe, Update,
+    SampleBatch, SettingsPatch, Snowfall, StampBatch, Subscribe, Update,
 };
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -14,7 +14,7 @@ use crate::session::Change;
 
 /// Every `op` that a client can send.
 const OPS: &str = "subscribe, update, unsubscribe, ping, snowfall, clearing, air_temperature, set, \
-                   collider.put, collider.delete, colliders.batch, probes, samples";
+                   collider.put, collider.delete, colliders.batch, stamps, probes, samples";
 
 /// What a client asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -164,6 +164,7 @@ fn read(op: &str, id: Option<i64>, fields: Map<String, Value>) -> Result<Request
         }
         "probes" => return reading(Read::Probes(body(fields)?)),
         "samples" => return reading(Read::Samples(body(fields)?)),
+        "stamps" => return change(Change::Stamps(body::<StampBatch>(fields)?), ""),
         "colliders.batch" => return change(Change::Colliders(body::<ColliderBatch>(fields)?), ""),
         other => {
             let detail = format!("{} is no op; known are {OPS}", quote(other));

@@ -91,6 +91,7 @@ fn any_edit(dice: &mut Dice, standing: &mut Standing) -> Edit {
             standing.remove(id);
             Edit::RemoveCollider { id: id.into() }
         }
+        9 => any_stamp(dice, &GRID),
         kind => {
             let position = Position { x: dice.range(0.0, 8.4), z: dice.range(0.0, 6.0) };
             let other = any_object(dice, position);

@@ -5,12 +5,13 @@ use std::time::Duration;
 
 use firn_engine::cpu::CpuBackend;
 use firn_engine::frame::{
-    Backend, Deposit, Edit, Frame, Layout, Outcome, Placement, Run, Slot, TileCells, Work,
+    Backend, Deposit, Edit, Frame, Layout, Outcome, Placement, Run, Slot, Stamp, TileCells, Work,
     WorkOutcome,
 };
 use firn_engine::gpu::GpuBackend;
 use firn_snow::{
-    CELL, ColumnRect, Grid, MASS_QUANTA, Material, Object, Part, Position, Shape, TILE_COLUMNS,
+    CELL, ColumnRect, Coverage, Grid, MASS_QUANTA, Material, Object, Part, Position, Shape,
+    SurfaceLoad, TILE_COLUMNS, Turn,
 };
 
 /// The GPU, or `None` where the environment says that there is none to test.
@@ -196,6 +197,20 @@ fn any_shape(dice: &mut Dice, most: f64) -> Shape {
             Shape::Polygon { corners: vec![corner(0.0), corner(2.1), corner(4.2)] }
         }
         _ => Shape::Wheel { width: a / 2.0, radius: b / 2.0 },
+    }
+}
+
+/// A load that presses a print somewhere in the grid.
+pub fn any_stamp(dice: &mut Dice, grid: &Grid) -> Edit {
+    let metres = |columns: u32| f64::from(columns) * grid.cell_size;
+    let (x, z) = (dice.range(0.0, metres(grid.width)), dice.range(0.0, metres(grid.depth)));
+    let (shape, turn) = (any_shape(dice, 2.0), Turn::new(dice.range(0.0, 360.0)));
+    let width = shape.area().sqrt() as f32;
+    let load = SurfaceLoad { pressure: dice.range(100.0, 20_000.0) as f32, width };
+    match Coverage::new(grid, &shape, Position { x, z }, turn) {
+        Some(coverage) => Edit::Stamp(Arc::new(Stamp { coverage, load })),
+        // It missed the grid.
+        None => any_stamp(dice, grid),
     }
 }
 

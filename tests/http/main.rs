@@ -24,6 +24,7 @@ mod sessions;
 mod snapshots;
 mod snow;
 mod snowing;
+mod stamps;
 mod strangers;
 #[path = "../support/mod.rs"]
 mod support;

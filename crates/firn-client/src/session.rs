@@ -5,7 +5,7 @@ use firn_protocol::{
     AirTemperature, AirTemperatureReply, BatchReply, CheckpointList, CheckpointView, Clearing,
     ClearingReply, ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColumnView, MassView,
     ProbeBatch, ProbeReply, ResetSpec, SampleBatch, SampleReply, SessionView, SettingsPatch,
-    Snowfall, SnowfallReply, Stamp, StepSpec, Terrain, UsageView,
+    Snowfall, SnowfallReply, Stamp, StampBatch, StampReply, StepSpec, Terrain, UsageView,
 };
 use reqwest::Method;
 use serde::de::DeserializeOwned;
@@ -195,6 +195,11 @@ impl Session {
     /// The mass ledger.
     pub async fn mass(&self) -> Result<MassView, Error> {
         self.get("/mass").await
+    }
+
+    /// Presses prints into the snow, at once.
+    pub async fn stamp(&self, stamps: &StampBatch) -> Result<StampReply, Error> {
+        self.post("/stamps", stamps).await
     }
 
     /// How deep loads would sink, without putting them on the snow.

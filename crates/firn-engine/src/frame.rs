@@ -8,8 +8,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use firn_snow::{
-    Cell, Column, ColumnRect, Contact, Floor, Footprint, Grid, Material, Pressing, Sample,
-    TILE_COLUMNS,
+    Cell, Column, ColumnRect, Contact, Coverage, Floor, Footprint, Grid, Material, Pressing,
+    Sample, SurfaceLoad, TILE_COLUMNS,
 };
 
 use crate::reserve::try_filled;
@@ -157,6 +157,8 @@ pub enum Edit {
         /// Depth left standing, in thickness quanta.
         depth: u32,
     },
+    /// Columns are pressed at once.
+    Stamp(Arc<Stamp>),
     /// An object is placed, replaced or moved.
     PutCollider {
         /// Its id; loads add up in ascending order of ids.
@@ -179,6 +181,18 @@ pub enum Edit {
     Restore(Arc<Contents>),
 }
 
+impl Edit {
+    /// The columns that it changes, where it changes snow.
+    pub fn columns(&self) -> Option<ColumnRect> {
+        match self {
+            Edit::Deposit(fall) => Some(fall.columns),
+            Edit::Clear { columns, .. } => Some(*columns),
+            Edit::Stamp(stamp) => Some(stamp.coverage.columns),
+            _ => None,
+        }
+    }
+}
+
 /// The cells and objects of a snowpack.
 #[derive(Clone, Debug)]
 pub struct Contents {
@@ -199,6 +213,15 @@ pub struct Deposit {
     pub mass: u32,
     /// Temperature \[°C\].
     pub temperature: f32,
+}
+
+/// A load that presses columns at once, each by its share of the way to where it carries the load.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stamp {
+    /// How much of each column it covers.
+    pub coverage: Coverage,
+    /// The load.
+    pub load: SurfaceLoad,
 }
 
 /// An object's load and where it stands.
@@ -237,7 +260,8 @@ pub struct WorkOutcome {
     pub unfinished: bool,
     /// Units that were done in this frame, about.
     pub units: u64,
-    /// For each edit, the mass quanta it refused (`Deposit`) or removed (`Clear`).
+    /// For each edit, the mass quanta it refused (`Deposit`) or removed (`Clear`), or its largest dent in
+    /// thickness quanta (`Stamp`).
     pub edits: Vec<u64>,
     /// 1 + index of the last cycle of the run in which a cell changed; 0 where none did.
     pub last_change: u32,

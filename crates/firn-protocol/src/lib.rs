@@ -27,6 +27,7 @@ mod problem;
 mod samples;
 mod session;
 mod snow;
+mod stamps;
 mod store;
 pub mod stream;
 mod subscription;
@@ -51,6 +52,7 @@ pub use session::{
     CreatedSession, Progress, SessionView, Settings, SettingsPatch, Stamp, State, StepSpec, Summary,
 };
 pub use snow::{ColumnView, LayerView, MassView, Reference, WeakLayerView};
+pub use stamps::{PrintView, StampBatch, StampReply, StampSpec};
 pub use store::{CompactReply, VerifyReply};
 pub use subscription::{ColumnRegion, DepthWatch, MOST_WATCHES, Resume, Subscribe, Update};
 pub use usage::{MemoryBytes, UsageView};

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::{
     AirTemperature, Clearing, ColliderBatch, ColliderSpec, ProbeBatch, SampleBatch, SettingsPatch,
-    Snowfall, Subscribe, Update,
+    Snowfall, StampBatch, Subscribe, Update,
 };
 
 /// A sub-protocol: how heights are written.
@@ -192,7 +192,15 @@ pub enum Command {
         /// The object's id.
         collider: String,
     },
-    /// Puts and removes objects in one frame, all or none.
+    /// Presses prints into the snow.
+    Stamps {
+        /// A number for the answer.
+        id: i64,
+        /// Which.
+        #[serde(flatten)]
+        batch: StampBatch,
+    },
+    /// Puts and removes objects in one frame: all or none, or those without an error.
     #[serde(rename = "colliders.batch")]
     Colliders {
         /// A number for the answer.

@@ -6,6 +6,7 @@
 mod after;
 mod equilibrium;
 mod press;
+mod stamp;
 
 use super::grid::{CELL, Grid};
 use super::material::{GRAVITY, LoadDistribution, Material, REFERENCE_CELL_SIZE};

@@ -30,6 +30,7 @@
 
 mod column;
 mod contact;
+mod coverage;
 mod elevation;
 mod footprint;
 mod grid;
@@ -44,6 +45,7 @@ mod snowpack;
 
 pub use column::{Cell, Column, SurfaceLoad};
 pub use contact::{CONTACT_DEPTH, Contact, Footing, share, share_units};
+pub use coverage::Coverage;
 pub use elevation::Elevation;
 pub use footprint::Footprint;
 pub use grid::{

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use firn_protocol::{BatchReply, ClearingReply, ColliderReply, SnowfallReply, Stamp};
+use firn_protocol::{BatchReply, ClearingReply, ColliderReply, SnowfallReply, Stamp, StampReply};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::Applied;
@@ -54,6 +54,7 @@ pub(crate) enum DoneResult {
     Snowfall(SnowfallReply),
     Clearing(ClearingReply),
     Collider { reply: Box<ColliderReply>, created: bool },
+    Stamps(StampReply),
     Batch(BatchReply),
     Stamp(Stamp),
     Created { id: String, tokens: Sealed },
@@ -68,6 +69,7 @@ impl Done {
             Applied::Collider { reply, created } => {
                 DoneResult::Collider { reply: Box::new(reply.clone()), created: *created }
             }
+            Applied::Stamps(reply) => DoneResult::Stamps(reply.clone()),
             Applied::Batch(reply) => DoneResult::Batch(reply.clone()),
             Applied::AirTemperature(reply) => DoneResult::Stamp(reply.stamp),
             Applied::Stamp(stamp) => DoneResult::Stamp(*stamp),
@@ -98,6 +100,7 @@ impl Done {
             DoneResult::Collider { reply, created } => {
                 Applied::Collider { reply: (**reply).clone(), created: *created }
             }
+            DoneResult::Stamps(reply) => Applied::Stamps(reply.clone()),
             DoneResult::Batch(reply) => Applied::Batch(reply.clone()),
             DoneResult::Stamp(stamp) => Applied::Stamp(*stamp),
             DoneResult::Created { .. } => return None,

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use firn_protocol::{Object, SessionSpec, SnowLayer};
 
 use crate::core::record::{Checkpoint, Entry, Identity, OVERHEAD, Stored};
-use crate::core::session::Command;
+use crate::core::session::{Command, Stamping};
 
 /// Counters of an `Arc`.
 const SHARED: usize = 2 * size_of::<usize>();
@@ -73,6 +73,10 @@ impl Command {
         let (removed, put) = match self {
             Command::Objects { removed, put } => (removed, put),
             Command::Ground(ground) => return ground.bytes(),
+            Command::Stamps(stamps) => {
+                let outlines = stamps.iter().map(|stamp| stamp.shape.heap_bytes()).sum::<usize>();
+                return stamps.capacity() * size_of::<Stamping>() + outlines;
+            }
             _ => return 0,
         };
         let names = removed.iter().chain(put.iter().map(|(id, _)| id));

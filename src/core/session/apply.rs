@@ -1,6 +1,6 @@
 //! Commands, carried out: live ones, and those of the journal.
 
-use firn_engine::frame::{Deposit, Edit, Placement};
+use firn_engine::frame::{Deposit, Edit, Placement, Stamp};
 use firn_snow::{Material, Object};
 use std::sync::Arc;
 
@@ -37,6 +37,17 @@ impl SessionState {
                 orders.counted.push(Counted::Cleared(orders.edits.len()));
                 orders.edits.push(Edit::Clear { columns: *columns, depth: *depth });
                 Disturbed { tiles: Some(columns.tiles().columns()), all: false }
+            }
+            Command::Stamps(stamps) => {
+                let mut tiles = 0;
+                for stamping in stamps {
+                    // They were in the grid when this was decided.
+                    let Some(coverage) = stamping.coverage(&self.grid) else { continue };
+                    tiles += coverage.columns.tiles().columns();
+                    let stamp = Stamp { coverage, load: stamping.load() };
+                    orders.edits.push(Edit::Stamp(Arc::new(stamp)));
+                }
+                Disturbed { tiles: Some(tiles), all: false }
             }
             Command::Settings { settings, stiffness_exponent } => {
                 let (old, new) = (self.settings, *settings);

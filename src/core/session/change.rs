@@ -3,6 +3,7 @@
 use firn_protocol::{
     AirTemperature, AirTemperatureReply, BatchReply, Clearing, ClearingReply, ColliderBatch,
     ColliderPatch, ColliderReply, ColliderSpec, SettingsPatch, Snowfall, SnowfallReply, Stamp,
+    StampBatch, StampReply, StampSpec,
 };
 use firn_snow::{Part, Shape};
 use serde::{Deserialize, Serialize};
@@ -39,6 +40,8 @@ pub enum Change {
     },
     /// Several colliders are put and removed.
     Colliders(ColliderBatch),
+    /// Loads press prints into the snow.
+    Stamps(StampBatch),
     /// The snow lies on other ground, one that was checked.
     Ground(Ground),
 }
@@ -48,6 +51,7 @@ impl Change {
     pub(crate) fn entries(&self) -> usize {
         match self {
             Change::Colliders(batch) => batch.put.len() + batch.delete.len(),
+            Change::Stamps(batch) => batch.stamps.len(),
             _ => 1,
         }
     }
@@ -74,6 +78,10 @@ impl Change {
             | Change::Clearing(_)
             | Change::AirTemperature(_)
             | Change::Settings(_) => 0,
+            Change::Stamps(batch) => {
+                let stamps = batch.stamps.iter();
+                stamps.map(|stamp| size_of::<StampSpec>() + stamp.shape.heap_bytes()).sum()
+            }
             Change::Ground(ground) => ground.bytes(),
         };
         size_of::<Change>() + beside
@@ -105,6 +113,8 @@ pub enum Applied {
         #[serde(skip)]
         created: bool,
     },
+    /// To stamps.
+    Stamps(StampReply),
     /// To several colliders.
     Batch(BatchReply),
     /// To everything else.
@@ -119,6 +129,7 @@ impl Applied {
             Applied::Clearing(reply) => reply.stamp,
             Applied::AirTemperature(reply) => reply.stamp,
             Applied::Collider { reply, .. } => reply.stamp,
+            Applied::Stamps(reply) => reply.stamp,
             Applied::Batch(reply) => reply.stamp,
             Applied::Stamp(stamp) => *stamp,
         }

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use firn_protocol::Settings;
-use firn_snow::{ColumnRect, Grid, Object};
+use firn_snow::{ColumnRect, Coverage, Grid, Object, Position, Shape, SurfaceLoad, Turn};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::{Ground, Told};
@@ -21,10 +21,35 @@ pub(crate) enum Command {
     Settings { settings: Settings, stiffness_exponent: f64 },
     /// Objects are taken away, then put.
     Objects { removed: Vec<Arc<str>>, put: Vec<(Arc<str>, Object)> },
+    /// Loads press prints into the snow.
+    Stamps(Vec<Stamping>),
     /// The snow lies on other ground.
     Ground(Ground),
     /// Back to the state that the session was created in.
     Reset,
+}
+
+/// A load that presses a print.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Stamping {
+    pub shape: Shape,
+    pub position: Position,
+    pub heading: f64,
+    /// \[Pa\]
+    pub pressure: f64,
+}
+
+impl Stamping {
+    /// How much it covers of each column; `None` where that is nothing.
+    pub fn coverage(&self, grid: &Grid) -> Option<Coverage> {
+        Coverage::new(grid, &self.shape, self.position, Turn::new(self.heading))
+    }
+
+    /// The load, and how it spreads.
+    pub fn load(&self) -> SurfaceLoad {
+        let width = self.shape.area().sqrt() as f32;
+        SurfaceLoad { pressure: self.pressure as f32, width }
+    }
 }
 
 /// A command, and what is told of it.

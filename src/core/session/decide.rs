@@ -2,6 +2,7 @@
 
 mod objects;
 mod settings;
+mod stamps;
 mod weather;
 
 use crate::core::session::{Change, Command, Decision, SessionError, SessionState, Told};
@@ -20,6 +21,7 @@ impl SessionState {
             Change::PatchCollider { id, patch } => self.decide_patch(id, patch, most),
             Change::DeleteCollider { id } => self.decide_removal(id),
             Change::Colliders(batch) => self.decide_batch(batch, most),
+            Change::Stamps(batch) => self.decide_stamps(batch),
             // It was checked before it came here: that takes a while.
             Change::Ground(ground) => {
                 Ok(Decision { command: Command::Ground(ground.clone()), told: Told::Ground })

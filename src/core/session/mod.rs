@@ -35,7 +35,7 @@ pub use change::{Applied, Change};
 pub(crate) use charge::{Bill, Charge, who_waits};
 pub(crate) use clock::ticks_between;
 pub use clock::{Advance, Clock, FRAME_RATE};
-pub(crate) use command::{Command, Decision, Kept};
+pub(crate) use command::{Command, Decision, Kept, Stamping};
 pub use error::{Check, Invalid, SessionError};
 pub(crate) use falling::{Falling, Snowing};
 pub use gather::{CellBox, Gathered, Ledger, MOST_SAMPLES, Sampled};

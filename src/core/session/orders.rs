@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use firn_engine::frame::{ColumnRead, Edit, SampleBox};
 use firn_protocol::{BatchResults, MassView, SampleBatch};
-use firn_snow::ColumnRect;
+use firn_snow::{ColumnRect, Coverage};
 
 use crate::core::record::Once;
 use crate::core::session::{
@@ -98,6 +98,8 @@ pub(crate) enum Told {
         id: Arc<str>,
         created: bool,
     },
+    /// What each stamp covers.
+    Stamps(Vec<Coverage>),
     /// What was done of each entry, where errors are skipped.
     Batch(Option<Box<BatchResults>>),
     Settings,

@@ -6,15 +6,15 @@ use std::time::Duration;
 use firn_engine::frame::WorkOutcome;
 use firn_engine::published::TileColumns;
 use firn_protocol::{
-    AirTemperatureReply, BatchReply, ClearingReply, ColliderReply, ColliderView, Event,
-    SnowfallReply, Stamp,
+    AirTemperatureReply, BatchReply, ClearingReply, ColliderReply, ColliderView, Event, PrintView,
+    SnowfallReply, Stamp, StampReply,
 };
-use firn_snow::{Contact, Elevation, Grid, TILE_COLUMNS};
+use firn_snow::{Contact, Coverage, Elevation, Grid, TILE_COLUMNS};
 
 use crate::core::record::{Done, Taken};
 use crate::core::session::{
     Applied, Collider, Counted, Gather, Happening, Mirror, Orders, Outlet, Receipted, Reply,
-    Sampled, SessionState, Simulation, StepJob, Told,
+    Sampled, SessionState, Simulation, StepJob, Surface, Told,
 };
 use crate::core::snapshot::Snapshot;
 
@@ -187,7 +187,7 @@ impl Simulation {
                     answer.give(Ok(Receipted { answer: (), position }));
                 }
                 Reply::Change { told, edit, once, answer } => {
-                    let found = outcome.edits.get(edit).copied().unwrap_or_default();
+                    let found = outcome.edits.get(..=edit).unwrap_or_default();
                     let applied = self.applied(&told, found, stamp);
                     happened.extend(self.happening(&told, &applied, stamp));
                     if let Some(once) = once {
@@ -245,18 +245,19 @@ impl Simulation {
         }
     }
 
-    /// What is answered to a change, of whose last edit the device `found` something.
-    fn applied(&self, told: &Told, found: u64, stamp: Stamp) -> Applied {
+    /// What is answered to a change; the device `found` something of each edit up to its last.
+    fn applied(&self, told: &Told, found: &[u64], stamp: Stamp) -> Applied {
         let grid = &self.session.spec.grid;
+        let last = found.last().copied().unwrap_or_default();
         match told {
             Told::Snowfall { fallen, refused, .. } => Applied::Snowfall(SnowfallReply {
                 stamp,
                 fallen_mass: grid.kilograms(*fallen),
-                refused_mass: grid.kilograms(refused + u128::from(found)),
+                refused_mass: grid.kilograms(refused + u128::from(last)),
             }),
             Told::Clearing { .. } => Applied::Clearing(ClearingReply {
                 stamp,
-                cleared_mass: grid.kilograms(found.into()),
+                cleared_mass: grid.kilograms(last.into()),
             }),
             Told::AirTemperature => Applied::AirTemperature(AirTemperatureReply {
                 stamp,
@@ -276,6 +277,17 @@ impl Simulation {
                     // Removed again before the frame: there is nothing left to describe.
                     Err(_) => Applied::Stamp(stamp),
                 }
+            }
+            Told::Stamps(covered) => {
+                let mirror = self.session.mirror();
+                let surface = Surface::new(&mirror);
+                let dents = found.get(found.len().saturating_sub(covered.len())..);
+                let prints = covered.iter().zip(dents.unwrap_or_default());
+                let view = |(coverage, dent): (&Coverage, &u64)| PrintView {
+                    depth: grid.metres(*dent),
+                    bottom: surface.lowest(coverage),
+                };
+                Applied::Stamps(StampReply { stamp, stamps: prints.map(view).collect() })
             }
             Told::Batch(results) => {
                 Applied::Batch(BatchReply { stamp, results: results.clone().map(|it| *it) })

@@ -1,6 +1,7 @@
 //! The snow's surface between the columns, as the mirror has it.
 
 use firn_protocol::{SampleBatch, SampleField, SampleFields};
+use firn_snow::Coverage;
 
 use crate::core::session::Mirror;
 
@@ -54,6 +55,13 @@ impl<'a> Surface<'a> {
         let along_z = self.between(x, z, |x, z| self.slope(z, grid.depth, |z| (x, z)));
         let length = (along_x * along_x + 1.0 + along_z * along_z).sqrt();
         [(0.0 - along_x) / length, 1.0 / length, (0.0 - along_z) / length]
+    }
+
+    /// The lowest elevation of the columns that something covers \[m\].
+    pub fn lowest(&self, coverage: &Coverage) -> f64 {
+        let covered = coverage.iter();
+        let elevations = covered.map(|(x, z)| self.column_ground(x, z) + self.column_depth(x, z));
+        elevations.fold(f64::INFINITY, f64::min)
     }
 
     /// What the surface says of a batch's fields at its points.

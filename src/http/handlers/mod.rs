@@ -18,6 +18,7 @@ pub mod samples;
 pub mod sessions;
 pub mod snapshots;
 pub mod snowfalls;
+pub mod stamps;
 pub mod store;
 pub mod terrain;
 pub mod tokens;

@@ -118,7 +118,7 @@ impl Job {
     fn go_on_editing(&mut self, snowpack: &mut Snowpack) -> u64 {
         let edit = &self.work.edits[self.edit];
         // The depth an object sinks counts from where it was put, not from later snow.
-        if self.put && matches!(edit, Edit::Deposit(_) | Edit::Clear { .. }) {
+        if self.put && edit.columns().is_some() {
             self.put = false;
             self.progress = Some(snowpack.begin_evaluation());
             return 1;
@@ -137,6 +137,13 @@ impl Job {
             Edit::Clear { columns, depth } => {
                 let part = row_of(*columns, next);
                 (snowpack.clear(part, *depth), EDIT * part.columns(), rows_of(*columns))
+            }
+            Edit::Stamp(stamp) => {
+                let columns = stamp.coverage.columns;
+                let part = row_of(columns, next);
+                let dent = u64::from(snowpack.stamp(part, &stamp.coverage, stamp.load));
+                let units = part.columns() * u64::from(snowpack.grid().height);
+                (dent.saturating_sub(self.outcome.edits[self.edit]), units, rows_of(columns))
             }
             Edit::PutCollider { id, collider, placed } => {
                 let footprints = collider.footprints.clone();

@@ -43,7 +43,11 @@ pub enum Resource {
     Operations,
     /// Which of it touches each of those tiles.
     OperationLists,
-    /// What was refused or cleared.
+    /// Loads that press columns at once.
+    Stamps,
+    /// How much of each column they cover.
+    Shares,
+    /// What was refused or cleared, or how deep the dents are.
     OperationResults,
     /// Columns that are to be read, all of them equally deep.
     ColumnJobs,
@@ -104,6 +108,8 @@ pub struct Kernel {
 pub enum KernelId {
     /// Lets snow fall and clears it.
     Snowfall,
+    /// Presses columns at once.
+    Stamp,
     /// Evaluates how objects touch the snow.
     Contact,
     /// Evaluates stresses.
@@ -127,13 +133,14 @@ pub enum KernelId {
 const LAYOUT: &str = include_str!("../../../../shaders/shared/layout.wgsl");
 const MATERIAL: &str = include_str!("../../../../shaders/shared/material.wgsl");
 const ELEVATION: &str = include_str!("../../../../shaders/shared/elevation.wgsl");
+const LOAD: &str = include_str!("../../../../shaders/shared/load.wgsl");
 const WIDE: &str = include_str!("../../../../shaders/shared/wide.wgsl");
 
 use Access::{Read, Write};
 use Resource::*;
 
 /// All kernels, in the order of [`KernelId`].
-pub const KERNELS: [Kernel; 10] = [
+pub const KERNELS: [Kernel; 11] = [
     Kernel {
         name: "snowfall",
         entry_point: "snowfall",
@@ -155,6 +162,26 @@ pub const KERNELS: [Kernel; 10] = [
         ],
     },
     Kernel {
+        name: "stamp",
+        entry_point: "stamp",
+        source: &[LAYOUT, MATERIAL, LOAD, include_str!("../../../../shaders/stamp.wgsl")],
+        bindings: &[
+            (Sessions, Read),
+            (Tiles, Read),
+            (States, Write),
+            (Heights, Write),
+            (Filled, Read),
+            (EditJobs, Read),
+            (OperationLists, Read),
+            (Stamps, Read),
+            (Shares, Read),
+            (OperationResults, Write),
+            (Mass, Read),
+            (Thickness, Write),
+            (Temperature, Read),
+        ],
+    },
+    Kernel {
         name: "contact",
         entry_point: "contact",
         source: &[LAYOUT, ELEVATION, WIDE, include_str!("../../../../shaders/contact.wgsl")],
@@ -172,7 +199,7 @@ pub const KERNELS: [Kernel; 10] = [
     Kernel {
         name: "stress",
         entry_point: "evaluate_stress",
-        source: &[LAYOUT, ELEVATION, include_str!("../../../../shaders/stress.wgsl")],
+        source: &[LAYOUT, ELEVATION, LOAD, include_str!("../../../../shaders/stress.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Runs, Read),

@@ -332,6 +332,22 @@ pub struct Operation {
     pub padding: [u32; 2],
 }
 
+/// A load that presses columns at once.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Stamp {
+    /// x0, z0, and behind the last x1, z1.
+    pub columns: [u32; 4],
+    /// First of the shares that it covers of them, row by row.
+    pub first_share: u32,
+    /// Its row in the table of results.
+    pub result: u32,
+    /// Pressure \[Pa\].
+    pub pressure: f32,
+    /// Width over which it spreads \[m\].
+    pub width: f32,
+}
+
 /// Mass quanta that an operation refused or cleared.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

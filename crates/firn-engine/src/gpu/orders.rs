@@ -6,10 +6,10 @@ use bytemuck::Pod;
 use super::buffer::{Mail, Table};
 use super::device::Device;
 use super::kernels::Resource;
-use super::layout::{Collider, ColumnJob, EditJob, LoadJob, Operation, SampleJob};
+use super::layout::{Collider, ColumnJob, EditJob, LoadJob, Operation, SampleJob, Stamp};
 use super::sections::{Sections, pieces};
 
-const SECTIONS: usize = 11;
+const SECTIONS: usize = 13;
 
 /// The rows of the submit that is being made.
 #[derive(Debug)]
@@ -36,6 +36,10 @@ pub struct Orders {
     pub column_jobs: Rows<ColumnJob>,
     /// Which columns those are.
     pub column_lists: Rows<u32>,
+    /// Loads that press columns at once.
+    pub stamps: Rows<Stamp>,
+    /// How much of each column they cover.
+    pub shares: Rows<u32>,
     sections: Sections<SECTIONS>,
     /// The buffer as the device has it.
     image: Vec<u8>,
@@ -82,6 +86,8 @@ impl Orders {
             sample_jobs: Rows(Vec::new()),
             column_jobs: Rows(Vec::new()),
             column_lists: Rows(Vec::new()),
+            stamps: Rows(Vec::new()),
+            shares: Rows(Vec::new()),
             sections: Sections::new(table),
             image: Vec::new(),
         }
@@ -101,6 +107,8 @@ impl Orders {
             Resource::ColumnJobs => 8,
             Resource::ColumnLists => 9,
             Resource::Lifts => 10,
+            Resource::Stamps => 11,
+            Resource::Shares => 12,
             _ => return None,
         };
         Some(self.sections.binding(section))
@@ -121,6 +129,8 @@ impl Orders {
             self.column_jobs.bytes(),
             self.column_lists.bytes(),
             self.lifts.bytes(),
+            self.stamps.bytes(),
+            self.shares.bytes(),
         ];
         let sizes = bytes.map(|bytes| bytes.len() as u64);
         let replaced = self.sections.reserve(device, sizes);
@@ -152,6 +162,8 @@ impl Orders {
         self.column_jobs.0.clear();
         self.column_lists.0.clear();
         self.lifts.0.clear();
+        self.stamps.0.clear();
+        self.shares.0.clear();
         replaced
     }
 }

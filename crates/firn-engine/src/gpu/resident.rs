@@ -193,25 +193,25 @@ impl Resident {
 /// into one binding.
 pub const LARGEST_ROUND: u64 = 1 << 22;
 
-/// Splits numbered edits into rounds: in a round all snow falls before any object is put, so that
-/// each can be one dispatch for all snowpacks. Later puts of an object in a round replace earlier
-/// ones. What the host writes begins a round, because it is written ahead of the round's submit. Each
-/// comes with the rows of the table of lists that it fills at the most.
+/// Splits numbered edits into rounds: in a round all snow falls before any is pressed, and that before any object
+/// is put, so that each can be one dispatch for all snowpacks. Later puts of an object in a round replace earlier
+/// ones. What the host writes begins a round, because it is written ahead of the round's submit. Each comes with
+/// the rows of the table of lists that it fills at the most.
 pub fn rounds(edits: Vec<(u32, Edit)>) -> Vec<(Vec<(u32, Edit)>, u64)> {
     let mut rounds: Vec<(Vec<(u32, Edit)>, u64)> = Vec::new();
-    let mut put = false;
+    let mut last = 0;
     for (number, edit) in edits {
-        let columns = match &edit {
-            Edit::Deposit(deposit) => Some(deposit.columns),
-            Edit::Clear { columns, .. } => Some(*columns),
-            _ => None,
+        let rows = edit.columns().map_or(0, |columns| columns.tiles().columns());
+        let phase = match &edit {
+            Edit::Deposit(_) | Edit::Clear { .. } => 0,
+            Edit::Stamp(_) => 1,
+            _ => 2,
         };
-        let rows = columns.map_or(0, |columns| columns.tiles().columns());
         let written = matches!(edit, Edit::Restore(_) | Edit::SetGround(_));
-        let begins = rounds.last().is_none_or(|(_, filled)| {
-            (columns.is_some() && put) || written || filled + rows > LARGEST_ROUND
-        });
-        put = columns.is_none();
+        let begins = rounds
+            .last()
+            .is_none_or(|(_, filled)| phase < last || written || filled + rows > LARGEST_ROUND);
+        last = phase;
         if begins {
             rounds.push((Vec::new(), 0));
         }

@@ -36,6 +36,19 @@ pub(super) struct Tile {
     pub stale: bool,
 }
 
+/// What changes of some columns returned.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Edited {
+    pub sum: u64,
+    pub largest: u32,
+}
+
+impl Edited {
+    pub fn join(self, other: Edited) -> Edited {
+        Edited { sum: self.sum + other.sum, largest: self.largest.max(other.largest) }
+    }
+}
+
 impl Tile {
     /// Bytes of a tile without snow.
     pub const BYTES: u64 = (size_of::<Tile>() + COLUMNS * size_of::<Column>()) as u64;
@@ -70,17 +83,23 @@ impl Tile {
         self.ground[column].under(self.heights[column])
     }
 
-    /// Changes the columns inside a rectangle; returns the sum of what `change` returns.
-    pub fn edit(&mut self, rect: ColumnRect, change: impl Fn(&mut Column) -> u32) -> u64 {
-        let mut total = 0;
+    /// Changes the columns inside a rectangle, each with its place.
+    pub fn edit(
+        &mut self,
+        rect: ColumnRect,
+        change: impl Fn(&mut Column, (u32, u32)) -> u32,
+    ) -> Edited {
+        let mut edited = Edited::default();
         for (x, z) in positions(self.rect).filter(|&(x, z)| rect.contains(x, z)) {
             let index = column_index(x, z);
             let column = &mut self.columns[index];
-            total += u64::from(change(column));
+            let quanta = change(column, (x, z));
+            edited.sum += u64::from(quanta);
+            edited.largest = edited.largest.max(quanta);
             self.heights[index] = column.height();
             (self.awake, self.dirty, self.moved, self.stale) = (true, true, true, true);
         }
-        total
+        edited
     }
 
     /// Replaces all columns, stresses included.

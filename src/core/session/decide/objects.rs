@@ -224,7 +224,8 @@ impl Check {
         }
     }
 
-    fn shape(&mut self, at: &str, shape: &Shape) {
+    /// Notes what is wrong with an outline.
+    pub(super) fn shape(&mut self, at: &str, shape: &Shape) {
         let (sides, longest): (&[(&str, f64)], f64) = match shape {
             Shape::Box { width, depth } => (&[("width", *width), ("depth", *depth)], 1e6),
             Shape::Disk { radius } => (&[("radius", *radius)], 1e6),

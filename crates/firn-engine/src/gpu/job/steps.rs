@@ -215,13 +215,9 @@ impl Job {
         first..self.next
     }
 
-    /// The smallest rectangle of tiles in which the round lets all of its snow fall and be cleared, if any.
+    /// The smallest rectangle of tiles in which the round changes snow, if it does anywhere.
     fn snowed(&self) -> Option<ColumnRect> {
-        let tiles = |(_, edit): &(u32, Edit)| match edit {
-            Edit::Deposit(fall) => Some(fall.columns.tiles()),
-            Edit::Clear { columns, .. } => Some(columns.tiles()),
-            _ => None,
-        };
+        let tiles = |(_, edit): &(u32, Edit)| Some(edit.columns()?.tiles());
         self.round().iter().filter_map(tiles).reduce(|all, own| ColumnRect {
             x0: all.x0.min(own.x0),
             z0: all.z0.min(own.z0),

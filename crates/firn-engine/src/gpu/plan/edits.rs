@@ -4,11 +4,13 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
 
-use firn_snow::{ColumnRect, Contact, TILE_SIDE};
+use firn_snow::{ColumnRect, Contact, SurfaceLoad, TILE_SIDE};
 
 use crate::frame::{Contents, Deposit, Edit, Placement, Slot};
 use crate::gpu::kernels::KernelId;
-use crate::gpu::layout::{AFTER_EDITS, CLEAR, DEPOSIT, EditJob, LoadJob, Operation, Pass, Tile};
+use crate::gpu::layout::{
+    AFTER_EDITS, CLEAR, DEPOSIT, EditJob, LoadJob, Operation, Pass, Stamp, Tile,
+};
 use crate::gpu::resident::{Body, Resident, Residents};
 
 use super::{Planner, Round, tiles_in};
@@ -18,10 +20,34 @@ use super::{Planner, Round, tiles_in};
 struct Edited {
     /// Tiles with operations, by page.
     edit_jobs: Vec<(u32, EditJob)>,
+    /// Tiles with stamps, by page.
+    stamp_jobs: Vec<(u32, EditJob)>,
     /// Tiles whose stress is to be evaluated, by page.
     load_jobs: Vec<(u32, LoadJob)>,
     colliders: u32,
 }
+
+/// Tiles whose snow is changed, each with the rows of what changes it.
+#[derive(Default)]
+struct Changed {
+    /// By snow that falls or is cleared.
+    snowed: BTreeMap<u32, Vec<u32>>,
+    /// By stamps.
+    stamped: BTreeMap<u32, Vec<u32>>,
+}
+
+impl Changed {
+    /// Notes that the tiles may wake, and that their stress is to be evaluated.
+    fn note(&self, resident: &mut Resident) {
+        for tiles in [&self.snowed, &self.stamped] {
+            resident.unweighed.extend(tiles.keys().copied());
+            resident.wake(tiles.keys().copied());
+        }
+    }
+}
+
+/// All rows of tiles.
+const ALL_ROWS: Range<u32> = 0..u32::MAX;
 
 impl Planner<'_> {
     /// Plans the edits of one round of all snowpacks: snow falls, then contacts are evaluated, and
@@ -34,7 +60,8 @@ impl Planner<'_> {
                 self.edit(resident, round, &mut edited);
             }
         }
-        self.snowfalls(edited.edit_jobs);
+        self.change_snow(KernelId::Snowfall, edited.edit_jobs);
+        self.change_snow(KernelId::Stamp, edited.stamp_jobs);
         if edited.colliders > 0 {
             let count = edited.colliders;
             let pass = Pass { first: first_collider, count, ..edit_pass() };
@@ -70,14 +97,14 @@ impl Planner<'_> {
     fn edit(&mut self, resident: &mut Resident, round: Round, edited: &mut Edited) {
         let Round { slot, edits, runs } = round;
         // Tiles with the operations that touch them.
-        let mut snowed: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        let mut changed = Changed::default();
         let mut stressed = BTreeSet::new();
         let mut moved = false;
         let evaluates = edits.iter().any(|(_, edit)| !matches!(edit, Edit::Restore(_)));
         for (result, edit) in edits {
             match edit {
-                Edit::Deposit(_) | Edit::Clear { .. } => {
-                    self.operate(resident, &edit, result, &mut snowed);
+                Edit::Deposit(_) | Edit::Clear { .. } | Edit::Stamp(_) => {
+                    self.operate(resident, &edit, result, ALL_ROWS, &mut changed);
                 }
                 other => {
                     self.write(resident, &other, 0..resident.lot.places.len() as u32);
@@ -95,9 +122,9 @@ impl Planner<'_> {
         if runs {
             self.evaluated.insert(slot);
         }
-        resident.unweighed.extend(snowed.keys().copied());
-        resident.wake(snowed.keys().copied());
-        self.edit_jobs(resident, snowed, &mut edited.edit_jobs);
+        changed.note(resident);
+        self.edit_jobs(resident, changed.snowed, &mut edited.edit_jobs);
+        self.edit_jobs(resident, changed.stamped, &mut edited.stamp_jobs);
         stressed.extend(resident.loads.keys().copied());
         resident.wake(stressed.iter().copied());
         for tile in &stressed {
@@ -175,64 +202,80 @@ impl Planner<'_> {
                 resident.awake = None;
                 true
             }
-            Edit::Deposit(_) | Edit::Clear { .. } => false,
+            Edit::Deposit(_) | Edit::Clear { .. } | Edit::Stamp(_) => false,
         }
     }
 
-    /// Adds a snowfall or clearing of some columns, the result of which has a number, and lists it for
-    /// their tiles.
+    /// Adds a change of the snow on some rows of tiles, the result of which has a number, and lists it for their
+    /// tiles.
     fn operate(
         &mut self,
         resident: &Resident,
         edit: &Edit,
         result: u32,
-        snowed: &mut BTreeMap<u32, Vec<u32>>,
+        rows: Range<u32>,
+        changed: &mut Changed,
     ) {
-        let (kind, columns, snow) = match edit {
-            Edit::Deposit(deposit) => (DEPOSIT, deposit.columns, deposited(deposit)),
-            Edit::Clear { columns, depth } => (CLEAR, *columns, [0, *depth, 0, 0]),
+        let Some(whole) = edit.columns() else { return };
+        let (first, end) = (rows.start * TILE_SIDE, rows.end.saturating_mul(TILE_SIDE));
+        let part = ColumnRect { z0: whole.z0.max(first), z1: whole.z1.min(end), ..whole };
+        if part.z0 >= part.z1 {
+            return;
+        }
+        let columns = [part.x0, part.z0, part.x1, part.z1];
+        let operation = |kind, snow| Operation { columns, snow, kind, result, padding: [0; 2] };
+        let orders = &mut self.tables.orders;
+        let (row, tiles) = match edit {
+            Edit::Deposit(fall) => {
+                (orders.operations.push(operation(DEPOSIT, deposited(fall))), &mut changed.snowed)
+            }
+            Edit::Clear { depth, .. } => {
+                (orders.operations.push(operation(CLEAR, [0, *depth, 0, 0])), &mut changed.snowed)
+            }
+            Edit::Stamp(stamp) => {
+                let first_share = orders.shares.len();
+                let width = (part.x1 - part.x0) as usize;
+                let from = (part.z0 - whole.z0) as usize * width;
+                let shares = &stamp.coverage.shares[from..];
+                let shares = &shares[..(part.z1 - part.z0) as usize * width];
+                orders.shares.extend(shares.iter().map(|&share| share.into()));
+                let SurfaceLoad { pressure, width } = stamp.load;
+                let row = Stamp { columns, first_share, result, pressure, width };
+                (orders.stamps.push(row), &mut changed.stamped)
+            }
             _ => return,
         };
-        let ColumnRect { x0, z0, x1, z1 } = columns;
-        let columns_row = [x0, z0, x1, z1];
-        let row = Operation { columns: columns_row, snow, kind, result, padding: [0; 2] };
-        let row = self.tables.orders.operations.push(row);
-        for tile in tiles_in(columns, resident.row.tiles_x) {
-            snowed.entry(tile).or_default().push(row);
+        for tile in tiles_in(part, resident.row.tiles_x) {
+            tiles.entry(tile).or_default().push(row);
         }
     }
 
-    /// Has snow fall and cleared on some rows of tiles, by edits each with the number of its result.
+    /// Has the snow changed on some rows of tiles, by edits each with the number of its result.
     pub(super) fn snow_on(
         &mut self,
         resident: &mut Resident,
         edits: &[(u32, Edit)],
         rows: Range<u32>,
     ) {
-        let (first, end) = (rows.start * TILE_SIDE, rows.end.saturating_mul(TILE_SIDE));
-        let mut snowed = BTreeMap::new();
+        let mut changed = Changed::default();
         for (result, edit) in edits {
-            let mut part = edit.clone();
-            if let Edit::Deposit(Deposit { columns, .. }) | Edit::Clear { columns, .. } = &mut part
-            {
-                (columns.z0, columns.z1) = (columns.z0.max(first), columns.z1.min(end));
-                if columns.z0 < columns.z1 {
-                    self.operate(resident, &part, *result, &mut snowed);
-                }
-            }
+            self.operate(resident, edit, *result, rows.clone(), &mut changed);
         }
-        resident.unweighed.extend(snowed.keys().copied());
-        resident.wake(snowed.keys().copied());
-        let mut jobs = Vec::new();
-        self.edit_jobs(resident, snowed, &mut jobs);
-        self.snowfalls(jobs);
+        changed.note(resident);
+        for (kernel, tiles) in
+            [(KernelId::Snowfall, changed.snowed), (KernelId::Stamp, changed.stamped)]
+        {
+            let mut jobs = Vec::new();
+            self.edit_jobs(resident, tiles, &mut jobs);
+            self.change_snow(kernel, jobs);
+        }
     }
 
-    fn snowfalls(&mut self, jobs: Vec<(u32, EditJob)>) {
+    fn change_snow(&mut self, kernel: KernelId, jobs: Vec<(u32, EditJob)>) {
         for (page, jobs) in by_page(jobs) {
             let (first, count) = (self.tables.orders.edit_jobs.len(), jobs.len() as u32);
             self.tables.orders.edit_jobs.extend(jobs);
-            self.dispatch(KernelId::Snowfall, page, Pass { first, count, ..edit_pass() }, count);
+            self.dispatch(kernel, page, Pass { first, count, ..edit_pass() }, count);
         }
     }
 
