@@ -94,7 +94,11 @@ fn changes_carry_the_body_of_their_rest_call() {
         ),
         (
             format!(r#"{{"op":"colliders.batch","id":1,"put":[{object}],"delete":["b"]}}"#),
-            Change::Colliders(ColliderBatch { put: vec![collider], delete: vec!["b".into()] }),
+            Change::Colliders(ColliderBatch {
+                put: vec![collider],
+                delete: vec!["b".into()],
+                ..ColliderBatch::default()
+            }),
         ),
     ];
     for (text, expected) in cases {
@@ -149,7 +153,11 @@ fn every_command_of_a_client_is_read() {
     let snowfall = Snowfall::new(0.5);
     let (clearing, air) = (Clearing { depth: 0.1, region: None }, AirTemperature { celsius: -5.0 });
     let settings = SettingsPatch { paused: Some(true), ..SettingsPatch::default() };
-    let batch = ColliderBatch { put: vec![collider.clone()], delete: vec!["old".to_owned()] };
+    let batch = ColliderBatch {
+        put: vec![collider.clone()],
+        delete: vec!["old".to_owned()],
+        ..ColliderBatch::default()
+    };
     let change = |change, at| Request::Change { id: 1, change, at };
     let delete = Change::DeleteCollider { id: "sledge".to_owned() };
     let read = |read| Request::Read { id: 1, read };

@@ -1,4 +1,4 @@
-use firn_snow::{CELL, Position, Shape, TILE_COLUMNS};
+use firn_snow::{CELL, Object, Position, Shape, TILE_COLUMNS};
 use proptest::prelude::*;
 use serde_json::Value;
 
