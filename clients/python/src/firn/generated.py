@@ -491,6 +491,25 @@ class GridSpec(TypedDict):
     """Side h of a fresh cell [m]."""
 
 
+class GroundTile(TypedDict):
+    """The ground of a tile."""
+
+    column_x: int
+    """First column along x."""
+
+    column_z: int
+    """First column along z."""
+
+    width: int
+    """Samples along x."""
+
+    depth: int
+    """Samples along z."""
+
+    heights: list[float]
+    """Elevations [m], of the same columns as the heights of a tile of snow."""
+
+
 HardnessLaw: TypeAlias = Literal["calibrated", "regression", "gold"]
 
 
@@ -506,6 +525,18 @@ class Heights(TypedDict):
     """
 
     tiles: list[Tile]
+    level: NotRequired[Literal[True]]
+    """
+    All ground is level at 0, but what the message tells under `terrain`. Only where the
+    subscription wants the ground.
+    """
+
+    terrain: NotRequired[list[GroundTile]]
+    """
+    The ground where the client has not been told it, or was told another. Only where the
+    subscription wants it.
+    """
+
     colliders: NotRequired[list[ColliderView]]
     """
     Every collider whose bounding box meets the region, in ascending order of ids; it
@@ -867,8 +898,8 @@ class ResetSpec(TypedDict):
 
 class Resume(TypedDict):
     """
-    The state that the client holds: the epoch of the `welcome` under which it was told, and the seq of the
-    last whole message.
+    The state that the client holds, that of the ground too where `terrain` is wanted: the epoch of the
+    `welcome` under which it was told, and the seq of the last whole message.
     """
 
     epoch: str
@@ -1432,12 +1463,15 @@ class SubscribeMessage(TypedDict):
     colliders: NotRequired[bool]
     """Whether the colliders in the region are wanted."""
 
+    terrain: NotRequired[bool]
+    """Whether the ground in the region is wanted."""
+
     events: NotRequired[EventsWanted]
     watch: NotRequired[DepthWatches]
     resume: NotRequired[Resume | None]
     """
-    The state that the client holds: the epoch of the `welcome` under which it was told, and the seq of the
-    last whole message.
+    The state that the client holds, that of the ground too where `terrain` is wanted: the epoch of the
+    `welcome` under which it was told, and the seq of the last whole message.
     """
 
 
