@@ -59,7 +59,7 @@ namespace Firn
         public ulong Tick, Seq;
     }
 
-    /// <summary>Snow depths of all columns of a session, kept in sync by a stream.</summary>
+    /// <summary>Snow depths of all columns of a session, and the ground where it is wanted, kept in sync by a stream.</summary>
     public sealed class Heightfield
     {
         const int SubscriptionId = 1;
@@ -70,15 +70,16 @@ namespace Firn
         readonly Uri uri;
         readonly string token;
         readonly double maxRate, quantum;
+        readonly bool terrain;
         readonly object gate = new object();
         readonly Random random = new Random();
 
         // Written by the connection, under the gate.
-        float[] received = new float[0];
+        float[] received = new float[0], receivedGround = new float[0];
         int width, depth;
         float cellSize;
         ulong tick, seq;
-        bool changed, whole;
+        bool changed, groundChanged, whole;
         bool? recovered;
         // Of this connection, and of the state that is held.
         string epoch = "", heldEpoch = "";
@@ -90,7 +91,9 @@ namespace Firn
         /// <param name="token">An API key or one of the session's tokens, where the server asks for one.</param>
         /// <param name="maxRate">Most messages per second [Hz], 0.1 to 60.</param>
         /// <param name="quantum">Step that heights are rounded to [m].</param>
-        public Heightfield(Uri server, string session, string token = null, double maxRate = 20, double quantum = 0.001)
+        /// <param name="terrain">Whether the ground is wanted too.</param>
+        public Heightfield(
+            Uri server, string session, string token = null, double maxRate = 20, double quantum = 0.001, bool terrain = false)
         {
             var address = new UriBuilder(server) { Scheme = server.Scheme == "https" ? "wss" : "ws" };
             address.Path = "/v1/sessions/" + Uri.EscapeDataString(session) + "/stream";
@@ -98,6 +101,7 @@ namespace Firn
             this.token = token;
             this.maxRate = maxRate;
             this.quantum = quantum;
+            this.terrain = terrain;
         }
 
         /// <summary>Depths whose crossing is told, at most 16; to be filled before RunAsync.</summary>
@@ -112,6 +116,9 @@ namespace Firn
 
         /// <summary>Snow depths [m], row by row: index = z * Width + x. As of the last Poll.</summary>
         public float[] Heights { get; private set; } = new float[0];
+
+        /// <summary>Elevations of the ground [m], as Heights; none unless they are wanted.</summary>
+        public float[] Ground { get; private set; } = new float[0];
 
         /// <summary>When they held.</summary>
         public ulong Tick { get; private set; }
@@ -131,6 +138,8 @@ namespace Firn
                 changed = false;
                 if (Heights.Length != received.Length) Heights = new float[received.Length];
                 Array.Copy(received, Heights, received.Length);
+                if (groundChanged) Ground = (float[])receivedGround.Clone();
+                groundChanged = false;
                 Width = width;
                 Depth = depth;
                 CellSize = cellSize;
@@ -283,6 +292,7 @@ namespace Firn
             if (wide != width || deep != depth)
             {
                 received = new float[wide * deep];
+                receivedGround = new float[terrain ? wide * deep : 0];
                 whole = false;
             }
             width = wide;
@@ -293,8 +303,8 @@ namespace Firn
             epoch = Field(welcome, "epoch", "\"([^\"]*)\"");
             var watches = string.Join(",", Watches.ConvertAll(watch => watch.ToJson()));
             return string.Format(CultureInfo.InvariantCulture,
-                "{{\"op\":\"subscribe\",\"id\":{0},\"max_rate\":{1:R},\"quantum\":{2:R},\"watch\":[{3}]{4}}}",
-                SubscriptionId, maxRate, quantum, watches, resume);
+                "{{\"op\":\"subscribe\",\"id\":{0},\"max_rate\":{1:R},\"quantum\":{2:R},\"terrain\":{3},\"watch\":[{4}]{5}}}",
+                SubscriptionId, maxRate, quantum, terrain ? "true" : "false", watches, resume);
         }
 
         static string Field(string json, string name, string value)
@@ -312,7 +322,7 @@ namespace Firn
             if (last.More) return;
             // What can't be read to its end is asked for anew, all of it.
             whole = false;
-            foreach (var part in parts) part.ReadTiles(Put);
+            foreach (var part in parts) Read(part);
             recovered = parts[0].Recovered ?? recovered;
             parts.Clear();
             tick = last.Tick;
@@ -322,12 +332,27 @@ namespace Firn
             whole = changed = true;
         }
 
-        void Put(int columnX, int columnZ, int tileWidth, int tileDepth, uint[] heights)
+        void Read(HeightMessage part)
         {
+            groundChanged |= part.Level || part.TellsGround;
+            if (part.Level) Array.Clear(receivedGround, 0, receivedGround.Length);
+            part.ReadTiles(
+                (x, z, tileWidth, tileDepth, heights) => Put(false, x, z, tileWidth, tileDepth, heights),
+                (x, z, tileWidth, tileDepth, heights) => Put(true, x, z, tileWidth, tileDepth, heights));
+        }
+
+        void Put(bool isGround, int columnX, int columnZ, int tileWidth, int tileDepth, uint[] heights)
+        {
+            var field = isGround ? receivedGround : received;
             if (columnX + tileWidth > width || columnZ + tileDepth > depth) throw new InvalidDataException("a tile is beyond the grid");
+            if (field.Length == 0) return; // ground that was not asked for
             for (var z = 0; z < tileDepth; z++)
                 for (var x = 0; x < tileWidth; x++)
-                    received[(columnZ + z) * width + columnX + x] = (float)(heights[z * tileWidth + x] * quantum);
+                {
+                    var steps = heights[z * tileWidth + x];
+                    var metres = isGround ? (int)steps / HeightMessage.GroundStepsPerMetre : steps * quantum;
+                    field[(columnZ + z) * width + columnX + x] = (float)metres;
+                }
         }
     }
 
@@ -337,10 +362,16 @@ namespace Firn
         const int Side = 8;
         const uint MostTiles = 1 << 24;
 
-        /// <summary>First column along x and z, samples along x and z, heights in quanta row by row; valid in the call only.</summary>
+        /// <summary>Steps that elevations of the ground are told in, of each metre.</summary>
+        public const double GroundStepsPerMetre = 10000;
+
+        /// <summary>First column along x and z, samples along x and z, heights in quanta row by row, or elevations in tenths of a
+        /// millimetre, which are negative where they are taken as int; valid in the call only.</summary>
         public delegate void Tile(int columnX, int columnZ, int width, int depth, uint[] heights);
 
         public readonly bool Snapshot, More;
+        /// <summary>Whether all ground is level at 0 but what is told, and whether tiles of ground are told.</summary>
+        public readonly bool Level, TellsGround;
         public readonly bool? Recovered;
         public readonly long Id;
         public readonly ulong Seq, Tick;
@@ -359,11 +390,13 @@ namespace Firn
             var kind = Byte();
             if (kind != 1 && kind != 2) throw Wrong("neither a snapshot nor a delta");
             var flags = Byte();
-            if ((flags & 0xc0) != 0 || (flags & 6) == 4) throw Wrong("these flags have no meaning");
+            if ((flags & 6) == 4) throw Wrong("these flags have no meaning");
             Snapshot = kind == 1;
             More = (flags & 1) != 0;
             if ((flags & 2) != 0) Recovered = (flags & 4) != 0;
             tellsColliders = (flags & 8) != 0;
+            TellsGround = (flags & 0x40) != 0;
+            Level = (flags & 0x80) != 0;
             Stride = 1 << ((flags >> 4) & 3);
             var code = Number();
             Id = (long)(code >> 1) ^ -(long)(code & 1);
@@ -371,11 +404,19 @@ namespace Firn
             Tick = Number();
         }
 
-        /// <summary>Reads all tiles, once.</summary>
-        public void ReadTiles(Tile put)
+        /// <summary>Reads all tiles of snow and of ground, once.</summary>
+        public void ReadTiles(Tile put, Tile putGround)
         {
             var tilesX = Short();
             if (tilesX == 0) throw Wrong("a grid has at least one tile in a row");
+            ReadRuns(tilesX, put);
+            if (TellsGround) ReadRuns(tilesX, putGround);
+            if (tellsColliders) Colliders = new UTF8Encoding(false, true).GetString(data, at, data.Length - at);
+            else if (at != data.Length) throw Wrong("there are bytes after the last tile");
+        }
+
+        void ReadRuns(uint tilesX, Tile put)
+        {
             ulong place = 0;
             for (var runs = Number(); runs > 0; runs--)
             {
@@ -389,8 +430,6 @@ namespace Firn
                     put((int)(place % tilesX) * Side, (int)(place / tilesX) * Side, width, depth, heights);
                 }
             }
-            if (tellsColliders) Colliders = new UTF8Encoding(false, true).GetString(data, at, data.Length - at);
-            else if (at != data.Length) throw Wrong("there are bytes after the last tile");
         }
 
         void ReadTile()

@@ -111,13 +111,14 @@ mod tests {
             tick: 3,
             recovered: None,
             more: false,
+            level: false,
             stride: 1,
             tiles_x: 4,
         };
         // Two tiles that are alike, and one that is clipped.
         let (whole, clipped) =
             (heights::encode_tile(8, 8, 1, &[5; 64]), heights::encode_tile(3, 2, 1, &[1; 6]));
-        let bytes = heights::encode(&head, &[(1, &whole), (2, &whole), (3, &clipped)], None);
+        let bytes = heights::encode(&head, &[(1, &whole), (2, &whole), (3, &clipped)], &[], None);
         let told = Told { snapshot: true, seq: 7, tick: 3, columns: 134, more: false };
         assert_eq!(read(&Raw::Binary(bytes.clone().into())), Some(Content::Heights(told)));
         assert_eq!(read(&Raw::Binary(bytes[..bytes.len() - 1].to_vec().into())), None);

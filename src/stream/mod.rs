@@ -4,8 +4,11 @@
 mod answer;
 mod cache;
 mod cause;
+mod ground;
 mod interest;
 mod memory;
+mod pace;
+mod parts;
 mod quantum;
 mod receive;
 mod region;
@@ -36,7 +39,7 @@ use crate::http::{
 use crate::problem::Problem;
 use crate::session::Visit;
 
-use tiles::LARGEST_PART;
+use parts::LARGEST_PART;
 
 pub use cache::EncodedTiles;
 pub use request::{Control, Read, Refusal, Request};

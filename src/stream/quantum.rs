@@ -14,6 +14,10 @@ pub struct Quantum {
 }
 
 impl Quantum {
+    /// The step that elevations of the ground are rounded to: those within ±20 000 m, farther than ground may
+    /// lie, fit 32 bits.
+    pub const OF_GROUND: Quantum = Quantum { metres: 1e-4, digits: 1, decimals: 4 };
+
     /// A step of 0.0001 to 1 m.
     ///
     /// # Errors
@@ -35,14 +39,17 @@ impl Quantum {
         self.metres
     }
 
-    /// Number of steps nearest to a height \[m\], halves rounded up: ⌊height/quantum + ½⌋.
-    pub fn steps(&self, height: f64) -> u64 {
-        (height / self.metres + 0.5).floor() as u64
+    /// Number of steps nearest to a height or an elevation \[m\], halves rounded up: ⌊height/quantum + ½⌋.
+    pub fn steps(&self, height: f64) -> i64 {
+        (height / self.metres + 0.5).floor() as i64
     }
 
     /// Writes a number of steps in metres.
-    pub fn write(&self, steps: u64, out: &mut Vec<u8>) {
-        let mut left = u128::from(steps) * u128::from(self.digits);
+    pub fn write(&self, steps: i64, out: &mut Vec<u8>) {
+        if steps < 0 {
+            out.push(b'-');
+        }
+        let mut left = u128::from(steps.unsigned_abs()) * u128::from(self.digits);
         let mut text = [b'0'; 48];
         let mut start = text.len();
         // A digit before the point is always written.

@@ -1,6 +1,6 @@
 //! Regions of columns, clipped to the grid and widened to whole tiles.
 
-use firn_protocol::ColumnRegion;
+use firn_protocol::{ColliderView, ColumnRegion};
 use firn_snow::{ColumnRect, Grid, TILE_SIDE};
 
 use crate::session::Invalid;
@@ -41,5 +41,43 @@ pub fn columns_of(tiles: &ColumnRect, grid: &Grid) -> ColumnRect {
         z0: tiles.z0 * TILE_SIDE,
         x1: (tiles.x1 * TILE_SIDE).min(grid.width),
         z1: (tiles.z1 * TILE_SIDE).min(grid.depth),
+    }
+}
+
+/// Whether an object's bounding box meets a rectangle of columns.
+pub fn meets(collider: &ColliderView, columns: &ColumnRect, grid: &Grid) -> bool {
+    let (low, high) = collider.object.bounds();
+    let overlaps = |low: f64, high: f64, from: u32, to: u32| {
+        high > f64::from(from) * grid.cell_size && low < f64::from(to) * grid.cell_size
+    };
+    overlaps(low.x, high.x, columns.x0, columns.x1)
+        && overlaps(low.z, high.z, columns.z0, columns.z1)
+}
+
+#[cfg(test)]
+mod tests {
+    use firn_snow::{Position, Shape};
+
+    use super::*;
+
+    #[test]
+    fn a_collider_is_in_view_where_its_box_overlaps() {
+        let grid = Grid::default();
+        let columns = ColumnRect { x0: 8, z0: 0, x1: 16, z1: 8 };
+        let collider = |x: f64| ColliderView {
+            id: "a".to_owned(),
+            mass: 1.0,
+            shape: Shape::Box { width: 0.5, depth: 0.5 },
+            position: Position { x, z: 1.0 },
+            bottom: 0.0,
+            sink_depth: 0.0,
+            contact_area: 0.0,
+            pressure: 0.0,
+            resting: false,
+        };
+        assert!(!meets(&collider(1.3), &columns, &grid));
+        assert!(meets(&collider(1.4), &columns, &grid));
+        assert!(meets(&collider(3.4), &columns, &grid));
+        assert!(!meets(&collider(3.5), &columns, &grid));
     }
 }

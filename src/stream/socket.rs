@@ -20,10 +20,10 @@ use crate::session::{Reading, Session, SessionError};
 use super::Client;
 use super::answer;
 use super::cause;
+use super::parts::LARGEST_PART;
 use super::receive::{Bounds, Next, receive};
 use super::request::Read;
 use super::send::{Manner, send};
-use super::tiles::LARGEST_PART;
 
 /// Answers that wait for being written; those beyond them wait in the receiving half.
 const ANSWERS: usize = 16;

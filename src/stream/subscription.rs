@@ -2,7 +2,6 @@
 //! seen and the rectangle it holds say everything.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::body::Bytes;
 use firn_protocol::stream::SubProtocol;
@@ -14,9 +13,12 @@ use crate::budget::{Budget, Reservation};
 use crate::session::{Check, Happening, Mirror, SessionError, TileColumns};
 
 use super::cache::{EncodedTiles, Layer};
+use super::ground::GroundNews;
+use super::pace::Pace;
+use super::parts::{Head, Parts, most_bytes};
 use super::quantum::Quantum;
-use super::region::{columns_in, columns_of};
-use super::tiles::{Head, Parts, Sampling, meets, most_bytes};
+use super::region::{columns_in, columns_of, meets};
+use super::tiles::Sampling;
 use super::watch::{Watch, watches};
 
 /// Longest message of heights whose memory is not counted \[bytes\].
@@ -40,20 +42,14 @@ pub struct Subscription {
     seen: u64,
     /// What the first message says, until it is sent.
     first: Option<First>,
+    wants_ground: bool,
     wants_colliders: bool,
     /// Fingerprint of the colliders the client was last told.
     told: Option<blake3::Hash>,
     /// Kinds of events wanted.
     events: Events,
     watches: Vec<Watch>,
-    /// Mean time between two messages, at least.
-    period: Duration,
-    /// When a message about a new tick may be sent; a period later, one about anything else.
-    turn: Instant,
-    /// Tick of the newest message.
-    told_tick: u64,
-    /// What there is to tell.
-    news: News,
+    pace: Pace,
     /// What the newest message took.
     cost: Cost,
 }
@@ -65,16 +61,6 @@ pub struct Cost {
     pub tiles: u64,
     /// Those of them that were encoded for it; the others were there already.
     pub encoded: u64,
-}
-
-/// How much a client would miss if it were told nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum News {
-    Nothing,
-    /// Something has changed between two ticks.
-    Change,
-    /// A tick was taken, or the view has moved.
-    Tick,
 }
 
 /// What a subscription is told at its begin.
@@ -109,6 +95,7 @@ pub struct Copied {
     tiles: Vec<(u32, Option<Bytes>)>,
     /// Version and heights of the others, in the same order.
     fresh: Vec<(u64, TileColumns)>,
+    ground: GroundNews,
     colliders: Option<Arc<[ColliderView]>>,
     /// How watches stand of which the client was told otherwise.
     pub crossings: Vec<Event>,
@@ -152,18 +139,16 @@ impl Subscription {
             sampling: Sampling { grid, stride: wish.stride, quantum, protocol },
             layer: encoded.layer(protocol, wish.stride, quantum),
             view,
-            // Who resumes says that it holds all of the region.
+            // Who resumes says that it holds all of the region, and its ground where that is wanted.
             held: (first == First::Recovered).then_some(view),
             seen,
             first: Some(first),
+            wants_ground: wish.terrain,
             wants_colliders: wish.colliders,
             told: None,
             events,
             watches,
-            period: Duration::from_secs_f64(1.0 / wish.max_rate),
-            turn: now,
-            told_tick: 0,
-            news: News::Tick,
+            pace: Pace::new(wish.max_rate, now),
             cost: Cost::default(),
         })
     }
@@ -193,7 +178,7 @@ impl Subscription {
         self.view = columns.expect(NOTED).tiles();
         self.held = self.held.and_then(|held| held.overlap(&self.view));
         self.told = None;
-        self.news = News::Tick;
+        self.pace.mark_move();
         Ok(())
     }
 
@@ -206,22 +191,12 @@ impl Subscription {
 
     /// Notes that there may be something to tell, and of which tick.
     pub fn mark(&mut self, tick: u64) {
-        let news = if tick > self.told_tick { News::Tick } else { News::Change };
-        self.news = self.news.max(news);
+        self.pace.mark(tick);
     }
 
     /// When the next message may be sent, where there may be one.
-    ///
-    /// The rate is kept on average. A tick may be told up to one period early: otherwise a client
-    /// that asks for as many messages as there are ticks would get each as late after its tick as
-    /// it happened to subscribe after one. Changes between ticks wait for their turn: otherwise
-    /// they would take that of the tick after them.
     pub fn due(&self) -> Option<Instant> {
-        match self.news {
-            News::Nothing => None,
-            News::Change => Some(self.turn + self.period),
-            News::Tick => Some(self.turn),
-        }
+        self.pace.due()
     }
 
     /// Tiles whose newest state the client does not hold, given their versions.
@@ -238,17 +213,20 @@ impl Subscription {
 
     /// Puts the next message off, because there is no memory for it now.
     pub fn put_off(&mut self, until: Instant) {
-        self.turn = self.turn.max(until);
+        self.pace.put_off(until);
     }
 
     /// Copies what the client has not seen; the client counts as having seen it from here on. Nothing
     /// where `unsent` has no room for it.
     pub fn copy(&mut self, mirror: &Mirror, frame: u64, unsent: &Budget) -> Option<Copied> {
         let tiles = self.missing(|tile| mirror.tile(tile).1);
+        let unknown = |_| mirror.ground_version;
+        let ground = if self.wants_ground { self.missing(unknown) } else { Vec::new() };
+        let ground = GroundNews::new(mirror, ground);
         let changed = self.told.is_none() || mirror.colliders_version > self.seen;
         let colliders = (self.wants_colliders && changed).then(|| mirror.colliders.clone());
         let objects = colliders.as_ref().map_or(0, |colliders| colliders.len());
-        let bytes = most_bytes(self.sampling.protocol, tiles.len(), objects);
+        let bytes = most_bytes(self.sampling.protocol, tiles.len(), ground.count(), objects);
         let memory = match bytes {
             0..=SMALL => None,
             bytes => Some(unsent.try_reserve(bytes)?),
@@ -258,9 +236,8 @@ impl Subscription {
         let crossings =
             watches.filter_map(|watch| watch.news(mirror, stamp, self.id, self.seen)).collect();
         self.seen = mirror.seq;
-        self.told_tick = stamp.tick;
         self.held = Some(self.view);
-        self.news = News::Nothing;
+        self.pace.take_news(stamp.tick);
         let mut fresh = Vec::new();
         let encoded = |tile| {
             let (heights, version) = mirror.tile(tile);
@@ -271,19 +248,20 @@ impl Subscription {
             (tile, bytes)
         };
         let tiles = tiles.into_iter().map(encoded).collect();
-        Some(Copied { stamp, tiles, fresh, colliders, crossings, memory })
+        Some(Copied { stamp, tiles, fresh, ground, colliders, crossings, memory })
     }
 
     /// The message about what was copied, if anything in the view has changed.
     pub fn message(&mut self, copied: Copied, now: Instant) -> Option<Parts> {
         let colliders = copied.colliders.and_then(|all| self.news_of(&all));
         let first = self.first.take();
-        if first.is_none() && copied.tiles.is_empty() && colliders.is_none() {
+        let is_news = !copied.tiles.is_empty() || !copied.ground.is_empty() || colliders.is_some();
+        if first.is_none() && !is_news {
             return None;
         }
         match first {
-            Some(_) => self.turn = now,
-            None => self.take_turn(now),
+            Some(_) => self.pace.begin(now),
+            None => self.pace.take_turn(now),
         }
         let head = Head {
             snapshot: matches!(first, Some(First::Snapshot | First::Lost)),
@@ -294,14 +272,16 @@ impl Subscription {
                 Some(First::Lost) => Some(false),
                 Some(First::Recovered) => Some(true),
             },
+            level: copied.ground.is_level(),
         };
+        let ground = copied.ground.encode(&self.sampling);
         let tiles = self.encode(copied.tiles, copied.fresh);
-        Some(Parts::new(head, self.sampling, tiles, colliders).holding(copied.memory))
+        Some(Parts::new(head, self.sampling, tiles, ground, colliders).holding(copied.memory))
     }
 
     /// Notes that something was told.
     pub fn take_turn(&mut self, now: Instant) {
-        self.turn = now.max(self.turn + self.period);
+        self.pace.take_turn(now);
     }
 
     /// What the newest message took.

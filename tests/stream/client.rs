@@ -6,7 +6,7 @@ mod view;
 use std::collections::{HashMap, VecDeque};
 use std::time::Duration;
 
-use firn_protocol::heights::{self, HeightMessage};
+use firn_protocol::heights::{self, GROUND_STEPS_PER_METRE, HeightMessage, Tile};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
@@ -45,13 +45,22 @@ pub struct Client {
 /// A binary message, as it would be told as text.
 fn as_text(message: &HeightMessage, quantum: f64) -> Value {
     let per_metre = (1.0 / quantum).round();
+    let as_text = |column_x: u64, column_z: u64, tile: &Tile, heights: Vec<f64>| {
+        json!({"column_x": column_x, "column_z": column_z, "width": tile.width,
+               "depth": tile.depth, "heights": heights})
+    };
     let tiles: Vec<_> = message
         .tiles()
-        .map(|(column_x, column_z, tile)| {
-            let heights: Vec<f64> =
-                tile.heights.iter().map(|&steps| f64::from(steps) / per_metre).collect();
-            json!({"column_x": column_x, "column_z": column_z, "width": tile.width,
-                   "depth": tile.depth, "heights": heights})
+        .map(|(x, z, tile)| {
+            let heights = tile.heights.iter().map(|&steps| f64::from(steps) / per_metre);
+            as_text(x, z, tile, heights.collect())
+        })
+        .collect();
+    let ground: Vec<_> = message
+        .ground()
+        .map(|(x, z, tile)| {
+            let heights = tile.elevations().map(|steps| f64::from(steps) / GROUND_STEPS_PER_METRE);
+            as_text(x, z, tile, heights.collect())
         })
         .collect();
     let head = &message.head;
@@ -64,6 +73,12 @@ fn as_text(message: &HeightMessage, quantum: f64) -> Value {
     }
     if let Some(recovered) = head.recovered {
         text["recovered"] = json!(recovered);
+    }
+    if head.level {
+        text["level"] = json!(true);
+    }
+    if !ground.is_empty() {
+        text["terrain"] = json!(ground);
     }
     if let Some(colliders) = &message.colliders {
         text["colliders"] = serde_json::from_str(colliders).unwrap();

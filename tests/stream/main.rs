@@ -5,6 +5,7 @@ mod changes;
 mod client;
 mod events;
 mod faults;
+mod ground;
 mod heights;
 mod limits;
 mod reads;

@@ -45,11 +45,19 @@ async fn the_ground_is_laid_anew(backend: BackendChoice) {
     let server = Server::start(backend).await;
     let session = field(&server).await;
     assert_eq!(session.terrain().await.unwrap(), [0.0; 240]);
+    let mut stream = session.stream(SubProtocol::Binary).await.unwrap();
+    let wish = Subscribe { terrain: true, ..Subscribe::default() };
+    let id = stream.subscribe(wish.clone()).await.unwrap();
+    let mut field = HeightField::new(stream.welcome(), id, &wish);
+    assert!(field.take(&told(&mut stream).await));
+    assert_eq!(field.ground(), [0.0; 240]);
     let heights: Arc<[f64]> = (0..240).map(f64::from).collect();
     let stamp = session.put_terrain(&Terrain { heights: heights.clone() }).await.unwrap();
     assert_eq!(session.terrain().await.unwrap(), *heights);
     let view = session.view().await.unwrap();
     assert!(view.terrain && view.seq == stamp.seq);
+    until(&mut field, &mut stream, stamp.seq).await;
+    assert_eq!((field.ground(), field.ground_height(19, 1)), (&*heights, Some(39.0)));
     let few = Terrain { heights: [1.0].into() };
     let refused = session.put_terrain(&few).await.unwrap_err();
     assert!(

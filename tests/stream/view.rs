@@ -11,6 +11,9 @@ use crate::support::numbers;
 pub struct View {
     /// Heights by row and column, so that they are in the order of a read.
     heights: BTreeMap<(u64, u64), f64>,
+    /// Elevations of the ground in the same way; what is not there is level where that was told.
+    ground: BTreeMap<(u64, u64), f64>,
+    is_level: bool,
     pub colliders: Value,
     /// Whole messages so far.
     pub messages: usize,
@@ -35,6 +38,13 @@ impl View {
     /// All heights, in the order of a read.
     pub fn values(&self) -> Vec<f64> {
         self.heights.values().copied().collect()
+    }
+
+    /// Elevations of the ground wherever a height was told. Not a number where no ground was.
+    #[allow(dead_code, reason = "not every test that has a client has ground")]
+    pub fn elevations(&self) -> Vec<f64> {
+        let unknown = if self.is_level { 0.0 } else { f64::NAN };
+        self.heights.keys().map(|key| self.ground.get(key).copied().unwrap_or(unknown)).collect()
     }
 
     /// Heights of some rows and columns.
@@ -66,15 +76,14 @@ impl View {
             }
             let part = whole;
             for tile in part["tiles"].as_array().unwrap() {
-                let field = |name: &str| tile[name].as_u64().unwrap();
-                let (width, depth) = (field("width"), field("depth"));
-                let heights = numbers(&tile["heights"]);
-                assert_eq!(heights.len() as u64, width * depth);
-                for (i, height) in (0..).zip(heights) {
-                    let z = field("column_z") + i / width * self.stride;
-                    let x = field("column_x") + i % width * self.stride;
-                    self.heights.insert((z, x), height);
-                }
+                self.heights.extend(samples(tile, self.stride));
+            }
+            if part.get("level").is_some() {
+                self.ground.clear();
+                self.is_level = true;
+            }
+            for tile in part.get("terrain").and_then(Value::as_array).into_iter().flatten() {
+                self.ground.extend(samples(tile, self.stride));
             }
             if let Some(colliders) = part.get("colliders") {
                 self.colliders = colliders.clone();
@@ -82,4 +91,15 @@ impl View {
         }
         true
     }
+}
+
+/// The samples of a tile, each with its row and its column.
+fn samples(tile: &Value, stride: u64) -> impl Iterator<Item = ((u64, u64), f64)> {
+    let field = |name: &str| tile[name].as_u64().unwrap();
+    let (column_x, column_z, width) = (field("column_x"), field("column_z"), field("width"));
+    let heights = numbers(&tile["heights"]);
+    assert_eq!(heights.len() as u64, width * field("depth"));
+    (0..).zip(heights).map(move |(i, height)| {
+        ((column_z + i / width * stride, column_x + i % width * stride), height)
+    })
 }

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 
-from firn import DecodeError, decode
+from firn import DecodeError, GroundTile, Tile, decode
 from server import ROOT
 
 VECTORS = json.loads((ROOT / "api/height-stream-vectors.json").read_text())
@@ -17,8 +18,13 @@ VECTORS = json.loads((ROOT / "api/height-stream-vectors.json").read_text())
 @pytest.mark.parametrize("vector", VECTORS["messages"], ids=lambda vector: vector["name"])
 def test_a_message_says_what_it_should(vector: dict[str, Any]) -> None:
     message = decode(bytes.fromhex(vector["hex"]))
-    said = {name: getattr(message, name) for name in vector["message"] if name != "tiles"}
-    said["tiles"] = [
+    said = {name: getattr(message, name) for name in vector["message"]}
+    said |= {"tiles": as_json(message.tiles), "terrain": as_json(message.terrain)}
+    assert said == vector["message"]
+
+
+def as_json(tiles: Sequence[Tile | GroundTile]) -> list[dict[str, Any]]:
+    return [
         {
             "column_x": tile.column_x,
             "column_z": tile.column_z,
@@ -26,9 +32,8 @@ def test_a_message_says_what_it_should(vector: dict[str, Any]) -> None:
             "depth": tile.heights.shape[0],
             "heights": tile.heights.ravel().tolist(),
         }
-        for tile in message.tiles
+        for tile in tiles
     ]
-    assert said == vector["message"]
 
 
 @pytest.mark.parametrize("vector", VECTORS["wrong"], ids=lambda vector: vector["name"])

@@ -95,6 +95,40 @@ async def test_a_subscription_moves(client: Client) -> None:
         assert len([change async for change in snow]) <= 1
 
 
+async def test_the_ground_is_held_where_it_is_wanted(client: Client, server: Server) -> None:
+    slope = np.add.outer(-np.arange(20.0), np.arange(50) / 4)
+    session = client.create_session(id="slope", grid=GRID, paused=True, terrain={"heights": slope.ravel().tolist()})
+    async with Line(server.port) as line:
+        with Client(line.url) as far:
+            stream = far.session("slope").stream()
+        async with stream:
+            assert (await stream.subscribe()).ground is None
+            snow = await stream.subscribe(terrain=True, max_rate=60)
+            coarse = await stream.subscribe(terrain=True, stride=8, max_rate=60)
+            assert (await anext(snow)).ground and (await anext(coarse)).ground
+            assert snow.ground is not None and coarse.ground is not None
+            np.testing.assert_array_equal(snow.ground, slope)
+            np.testing.assert_array_equal(coarse.ground, slope[::8, ::8])
+            session.snowfall(1)
+            assert not (await anext(snow)).ground
+
+            region: ColumnRegion = {"column_x": 16, "column_z": 8, "width": 8, "depth": 8}
+            part = await stream.subscribe(terrain=True, region=region, max_rate=60)
+            await part.move({**region, "width": 16})
+            await until(part, lambda _: not np.isnan(part.heights).any())
+            np.testing.assert_array_equal(part.ground, slope[8:16, 16:32])
+
+            line.cut()
+            session.put_terrain(slope * 2)
+            line.mend()
+            change = await until(snow, lambda change: change.recovered is not None)
+            assert change.recovered and change.ground and change.parts == []
+            np.testing.assert_array_equal(snow.ground, slope * 2)
+            session.put_terrain(slope * 0)
+            await until(snow, lambda change: change.ground)
+            assert (snow.ground == 0).all()
+
+
 async def test_events_and_watches_are_told(client: Client) -> None:
     session = client.create_session(grid=GRID, paused=True, initial_snow=[{"depth": 1}])
     events: asyncio.Queue[Event] = asyncio.Queue()

@@ -489,6 +489,19 @@ export interface components {
             /** @description Side h of a fresh cell [m]. */
             cell_size?: number;
         };
+        /** @description The ground of a tile. */
+        GroundTile: {
+            /** @description First column along x. */
+            column_x: number;
+            /** @description First column along z. */
+            column_z: number;
+            /** @description Samples along x. */
+            width: number;
+            /** @description Samples along z. */
+            depth: number;
+            /** @description Elevations [m], of the same columns as the heights of a tile of snow. */
+            heights: number[];
+        };
         /**
          * @description How hardness depends on density and temperature.
          * @enum {string}
@@ -511,6 +524,17 @@ export interface components {
              */
             recovered?: boolean;
             tiles: components["schemas"]["Tile"][];
+            /**
+             * @description All ground is level at 0, but what the message tells under `terrain`. Only where the
+             *     subscription wants the ground.
+             * @constant
+             */
+            level?: true;
+            /**
+             * @description The ground where the client has not been told it, or was told another. Only where the
+             *     subscription wants it.
+             */
+            terrain?: components["schemas"]["GroundTile"][];
             /**
              * @description Every collider whose bounding box meets the region, in ascending order of ids; it
              *     replaces what the client was told before. Only where the subscription wants colliders,
@@ -1170,11 +1194,13 @@ export interface components {
             quantum?: number;
             /** @description Whether the colliders in the region are wanted. */
             colliders?: boolean;
+            /** @description Whether the ground in the region is wanted. */
+            terrain?: boolean;
             events?: components["schemas"]["EventsWanted"];
             watch?: components["schemas"]["DepthWatches"];
             /**
-             * @description The state that the client holds: the epoch of the `welcome` under which it was told, and the seq of the
-             *     last whole message.
+             * @description The state that the client holds, that of the ground too where `terrain` is wanted: the epoch of the
+             *     `welcome` under which it was told, and the seq of the last whole message.
              */
             resume?: {
                 epoch: string;
@@ -1394,6 +1420,7 @@ export type GetRenderQuery = components['schemas']['GetRenderQuery'];
 export type GetTerrainQuery = components['schemas']['GetTerrainQuery'];
 export type Grid = components['schemas']['Grid'];
 export type GridSpec = components['schemas']['GridSpec'];
+export type GroundTile = components['schemas']['GroundTile'];
 export type HardnessLaw = components['schemas']['HardnessLaw'];
 export type HeightView = components['schemas']['HeightView'];
 export type Heights = components['schemas']['Heights'];

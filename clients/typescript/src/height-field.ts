@@ -1,6 +1,6 @@
 // Heights of a region of columns, put together from tiles.
 
-import type { Tile } from "./height-stream.ts";
+import { GROUND_STEPS_PER_METRE, type GroundTile, type Tile } from "./height-stream.ts";
 import type { ColumnRegion, Grid } from "./types.ts";
 
 /** Columns along one side of a tile. */
@@ -13,10 +13,14 @@ interface Samples {
   width: number;
   depth: number;
   heights: Float32Array;
+  ground: Float32Array;
   known: Uint8Array;
 }
 
-/** Snow depths of a region, kept up to date by a subscription. Regions are widened to whole tiles. */
+/**
+ * Snow depths of a region, and the ground where it is wanted, kept up to date by a subscription. Regions are widened to whole
+ * tiles.
+ */
 export class HeightField {
   readonly grid: Grid;
   /** Columns from one sample to the next. */
@@ -29,12 +33,16 @@ export class HeightField {
   depth = 0;
   /** Snow depths [m], row by row: index = z · width + x. 0 where nothing is known yet. */
   heights = new Float32Array(0);
+  /** Elevations of the ground [m], as heights; none where the subscription does not want them. */
+  ground = new Float32Array(0);
+  private readonly wantsGround: boolean;
   private known = new Uint8Array(0);
   private unknown = 0;
 
-  constructor(grid: Grid, stride: number, region?: ColumnRegion | null) {
+  constructor(grid: Grid, stride: number, region?: ColumnRegion | null, wantsGround = false) {
     this.grid = grid;
     this.stride = stride;
+    this.wantsGround = wantsGround;
     this.moveTo(region);
   }
 
@@ -53,7 +61,7 @@ export class HeightField {
 
   /** Looks at another region; what is known of it stays known. */
   moveTo(region?: ColumnRegion | null): void {
-    const { column_x, column_z, width, depth, heights, known, grid, stride } = this;
+    const { column_x, column_z, width, depth, heights, ground, known, grid, stride } = this;
     const wanted = region ?? { column_x: 0, column_z: 0, width: grid.width, depth: grid.depth };
     const x = span(wanted.column_x, wanted.width, grid.width);
     const z = span(wanted.column_z, wanted.depth, grid.depth);
@@ -62,8 +70,9 @@ export class HeightField {
     this.width = Math.ceil(x.count / stride);
     this.depth = Math.ceil(z.count / stride);
     this.heights = new Float32Array(this.width * this.depth);
+    this.ground = new Float32Array(this.wantsGround ? this.heights.length : 0);
     this.forget();
-    this.copy({ column_x, column_z, width, depth, heights, known });
+    this.copy({ column_x, column_z, width, depth, heights, ground, known });
   }
 
   /** Nothing is known any more. */
@@ -74,31 +83,44 @@ export class HeightField {
 
   /** Takes over a tile's heights. Parts outside the region are left out. */
   put(tile: Tile, quantum: number): void {
-    const x0 = (tile.column_x - this.column_x) / this.stride;
-    const z0 = (tile.column_z - this.column_z) / this.stride;
-    for (let z = 0; z < tile.depth; z++) {
-      for (let x = 0; x < tile.width; x++) {
-        this.set(x0 + x, z0 + z, (tile.heights[z * tile.width + x]) * quantum);
-      }
-    }
+    this.each(tile, (index, from) => this.set(index, tile.heights[from] * quantum));
   }
 
-  private set(x: number, z: number, height: number): void {
-    if (x < 0 || z < 0 || x >= this.width || z >= this.depth) return;
-    const index = z * this.width + x;
+  /** Takes over a tile's ground in the same way. */
+  putGround(tile: GroundTile): void {
+    if (!this.wantsGround) return;
+    this.each(tile, (index, from) => {
+      this.ground[index] = tile.heights[from] / GROUND_STEPS_PER_METRE;
+    });
+  }
+
+  /** All ground is level at 0. */
+  putLevelGround(): void {
+    this.ground.fill(0);
+  }
+
+  private set(index: number, height: number): void {
     this.heights[index] = height;
     this.unknown -= 1 - (this.known[index]);
     this.known[index] = 1;
   }
 
   private copy(before: Samples): void {
-    const dx = (before.column_x - this.column_x) / this.stride;
-    const dz = (before.column_z - this.column_z) / this.stride;
-    for (let z = 0; z < before.depth; z++) {
-      for (let x = 0; x < before.width; x++) {
-        const index = z * before.width + x;
-        if (before.known[index]) this.set(x + dx, z + dz, before.heights[index]);
-      }
+    this.each(before, (index, from) => {
+      if (!before.known[from]) return;
+      this.set(index, before.heights[from]);
+      // A tile's ground is told with its heights.
+      if (this.wantsGround) this.ground[index] = before.ground[from];
+    });
+  }
+
+  /** Calls for each sample of a part that lies in the region, with its index here and there. */
+  private each(part: Omit<Samples, "heights" | "ground" | "known">, take: (index: number, from: number) => void): void {
+    const x0 = (part.column_x - this.column_x) / this.stride;
+    const z0 = (part.column_z - this.column_z) / this.stride;
+    const [first, end] = [Math.max(0, -x0), Math.min(part.width, this.width - x0)];
+    for (let z = Math.max(0, -z0); z < Math.min(part.depth, this.depth - z0); z++) {
+      for (let x = first; x < end; x++) take((z0 + z) * this.width + x0 + x, z * part.width + x);
     }
   }
 }

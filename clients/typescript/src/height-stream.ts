@@ -27,6 +27,15 @@ export interface Tile {
   heights: Uint32Array;
 }
 
+/** Ground of a tile; tiles of one run share it, as heights. */
+export interface GroundTile extends Omit<Tile, "heights"> {
+  /** Elevations in tenths of a millimetre, row by row, as heights. */
+  heights: Int32Array;
+}
+
+/** Steps that elevations of the ground are told in, of each metre. */
+export const GROUND_STEPS_PER_METRE = 10_000;
+
 /** A message of heights, or a part of one. */
 export interface HeightMessage {
   op: "snapshot" | "delta";
@@ -42,6 +51,10 @@ export interface HeightMessage {
   /** Every how many columns one is told. */
   stride: number;
   tiles: Tile[];
+  /** Whether all ground is level at 0, but what the message tells. */
+  level: boolean;
+  /** Tiles of the ground, where a subscription wants it and it is told. */
+  terrain: GroundTile[];
   /** All colliders in the region where they are told; they replace those told before. */
   colliders: Collider[] | null;
 }
@@ -97,13 +110,13 @@ class Reader {
   }
 }
 
-type Head = Omit<HeightMessage, "tiles" | "colliders">;
+type Head = Omit<HeightMessage, "tiles" | "terrain" | "colliders">;
 
-function readHead(reader: Reader): { head: Head; tilesX: number; tellsColliders: boolean } {
+function readHead(reader: Reader): { head: Head; tilesX: number; flags: number } {
   const kind = reader.byte();
   if (kind !== 1 && kind !== 2) throw reader.wrong("neither 1, a snapshot, nor 2, a delta");
   const flags = reader.byte();
-  if ((flags & 0xc0) !== 0 || (flags & 6) === 4) throw reader.wrong("these flags have no meaning");
+  if ((flags & 6) === 4) throw reader.wrong("these flags have no meaning");
   const code = reader.big();
   const id = Number((code >> 1n) ^ -(code & 1n));
   const head: Head = {
@@ -113,11 +126,12 @@ function readHead(reader: Reader): { head: Head; tilesX: number; tellsColliders:
     tick: reader.number(),
     recovered: (flags & 2) !== 0 ? (flags & 4) !== 0 : null,
     more: (flags & 1) !== 0,
+    level: (flags & 0x80) !== 0,
     stride: 1 << ((flags >> 4) & 3),
   };
   const tilesX = reader.u32();
   if (tilesX === 0) throw reader.wrong("a grid has at least one tile in a row");
-  return { head, tilesX, tellsColliders: (flags & 8) !== 0 };
+  return { head, tilesX, flags };
 }
 
 function readRow(reader: Reader, heights: Uint32Array, begin: number, width: number, base: number): void {
@@ -173,10 +187,8 @@ function readTile(reader: Reader, stride: number): Samples {
   return { width, depth, heights };
 }
 
-/** Reads a message; heights are in quanta of the subscription. Throws a DecodeError on anything else. */
-export function decode(data: Uint8Array | ArrayBuffer): HeightMessage {
-  const reader = new Reader(data instanceof Uint8Array ? data : new Uint8Array(data));
-  const { head, tilesX, tellsColliders } = readHead(reader);
+/** Reads runs of tiles, of snow or of ground. */
+function readTiles(reader: Reader, stride: number, tilesX: number): Tile[] {
   const tiles: Tile[] = [];
   const put = (place: number, tile: Samples) =>
     tiles.push({ column_x: (place % tilesX) * SIDE, column_z: Math.floor(place / tilesX) * SIDE, ...tile });
@@ -189,12 +201,24 @@ export function decode(data: Uint8Array | ArrayBuffer): HeightMessage {
     if (count === 0 || place + count > 2 ** 24) throw reader.wrong("a run has 1 to 2^24 tiles");
     const end = place + count;
     if (code % 2 === 1) {
-      const tile = readTile(reader, head.stride);
+      const tile = readTile(reader, stride);
       for (; place < end; place++) put(place, tile);
     } else {
-      for (; place < end; place++) put(place, readTile(reader, head.stride));
+      for (; place < end; place++) put(place, readTile(reader, stride));
     }
   }
+  return tiles;
+}
+
+/** Reads a message; heights are in quanta of the subscription. Throws a DecodeError on anything else. */
+export function decode(data: Uint8Array | ArrayBuffer): HeightMessage {
+  const reader = new Reader(data instanceof Uint8Array ? data : new Uint8Array(data));
+  const { head, tilesX, flags } = readHead(reader);
+  const tellsColliders = (flags & 8) !== 0;
+  const tiles = readTiles(reader, head.stride, tilesX);
+  const ground = (flags & 0x40) !== 0 ? readTiles(reader, head.stride, tilesX) : [];
+  // The same 32 bits, with a sign.
+  const terrain = ground.map((tile) => ({ ...tile, heights: new Int32Array(tile.heights.buffer) }));
   const rest = reader.take(reader.bytes.length - reader.at);
   if (!tellsColliders && rest.length > 0) throw reader.wrong("there are bytes after the last tile");
   let colliders: Collider[] | null = null;
@@ -205,5 +229,5 @@ export function decode(data: Uint8Array | ArrayBuffer): HeightMessage {
       throw reader.wrong("the colliders are not JSON in UTF-8");
     }
   }
-  return { ...head, tiles, colliders };
+  return { ...head, tiles, terrain, colliders };
 }

@@ -2,7 +2,7 @@
 
 import type { SubscribeMessage } from "./generated.ts";
 import { HeightField } from "./height-field.ts";
-import type { HeightMessage, Tile } from "./height-stream.ts";
+import type { GroundTile, HeightMessage, Tile } from "./height-stream.ts";
 import type { Collider, ColumnRegion, DepthWatch, EventsWanted, Welcome } from "./types.ts";
 
 /** What is to be watched. */
@@ -14,6 +14,10 @@ export interface Change {
   field: HeightField;
   /** What changed: tiles with their heights in quanta. */
   tiles: Tile[];
+  /** Tiles whose ground was told with this, where the subscription wants it; it is in `field.ground` already. */
+  terrain: GroundTile[];
+  /** Whether all ground is level at 0, but those. */
+  level: boolean;
   /** All objects in the region, where any of them changed. */
   colliders: Collider[] | null;
   /** Number of the state. It only grows, and may exceed 32 bits. */
@@ -74,7 +78,7 @@ export class Subscription {
     this.epoch = welcome.epoch;
     const { width, depth } = welcome.grid;
     if (this.field?.grid.width !== width || this.field.grid.depth !== depth) {
-      this.field = new HeightField(welcome.grid, this.watch.stride ?? 1, this.watch.region);
+      this.field = new HeightField(welcome.grid, this.watch.stride ?? 1, this.watch.region, this.watch.terrain);
     }
     const resume = this.field.complete && this.seen ? { resume: this.seen } : {};
     return { op: "subscribe", id: this.id, ...this.watch, ...resume };
@@ -87,13 +91,17 @@ export class Subscription {
     const parts = this.parts;
     this.parts = [];
     const tiles = parts.flatMap((part) => part.tiles);
+    const terrain = parts.flatMap((part) => part.terrain);
+    const level = parts.some((part) => part.level);
     const told = parts.flatMap((part) => part.colliders ?? []);
     const colliders = parts.some((part) => part.colliders) ? told : null;
     if (message.op === "snapshot") this.field.forget();
     for (const tile of tiles) this.field.put(tile, this.watch.quantum ?? 0.001);
+    if (level) this.field.putLevelGround();
+    for (const tile of terrain) this.field.putGround(tile);
     const { seq, tick } = message;
     this.seen = { epoch: this.epoch, seq };
     const recovered = parts.find((part) => part.recovered !== null)?.recovered ?? null;
-    this.onChange({ field: this.field, tiles, colliders, seq, tick, recovered });
+    this.onChange({ field: this.field, tiles, terrain, level, colliders, seq, tick, recovered });
   }
 }

@@ -158,6 +158,43 @@ test("a subscription holds the heights that REST tells", async (t) => {
   await assert.rejects(stream.command("snowfall", { depth: 1 }), DisconnectedError);
 });
 
+test("a subscription holds the ground where it is wanted", async (t) => {
+  const grid = { width: 20, depth: 12, height: 10 };
+  const slope = Float32Array.from({ length: 20 * 12 }, (_, i) => (i % 20) / 4 - Math.floor(i / 20));
+  const heights = [...slope];
+  await firn.createSession({ id: "slope", grid, paused: true, initial_snow: [{ depth: 1 }], terrain: { heights } });
+  const session = firn.session("slope");
+  const stream = session.stream();
+  t.after(() => stream.close());
+  const [whole, coarse, part, bare] = [new Inbox(), new Inbox(), new Inbox(), new Inbox()];
+  stream.subscribe({ terrain: true, max_rate: 60 }, whole.put);
+  stream.subscribe({ terrain: true, stride: 4, max_rate: 60 }, coarse.put);
+  const near = { column_x: 0, column_z: 0, width: 8, depth: 8 };
+  const moved = stream.subscribe({ terrain: true, region: near, max_rate: 60 }, part.put);
+  stream.subscribe({ max_rate: 60 }, bare.put);
+  const all = [whole, coarse, part, bare].map((inbox) => inbox.until(({ field }) => field.complete));
+  const told = (await Promise.all(all)).map(({ field, terrain, level }) => [field.ground.length, terrain.length, level]);
+  assert.deepEqual(told, [[240, 6, false], [15, 6, false], [64, 1, false], [0, 0, false]]);
+  const { field } = whole.changes[0] as Change;
+  assert.deepEqual(field.ground, slope);
+  assert.deepEqual((coarse.changes[0] as Change).field.ground, (await session.terrain({ stride: 4 })).heights);
+
+  moved.update({ ...near, width: 16 });
+  const after = await part.until((change) => change.field.complete);
+  assert.deepEqual(after.field.ground, (await session.terrain({ ...near, width: 16 })).heights);
+  assert.equal(after.terrain.length, 1);
+
+  await session.clear({ depth: 0.5 });
+  assert.equal((await whole.until(() => whole.changes.length > 1)).terrain.length, 0);
+  await session.putTerrain(slope.map((elevation) => 1 - 2 * elevation));
+  const laid = await whole.until(({ terrain }) => terrain.length > 0 && whole.changes.length > 1);
+  assert.deepEqual([laid.tiles.length, laid.terrain.length], [0, 6]);
+  assert.deepEqual(field.ground, slope.map((elevation) => 1 - 2 * elevation));
+  await session.putTerrain(new Float32Array(240));
+  await whole.until(({ level }) => level);
+  assert.deepEqual(field.ground, new Float32Array(240));
+});
+
 test("events come where they are wanted, and watches tell each crossing", async (t) => {
   const grid = { width: 16, depth: 8, height: 30 };
   await firn.createSession({ id: "events", grid, paused: true, initial_snow: [{ depth: 1 }] });

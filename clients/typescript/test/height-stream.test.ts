@@ -14,7 +14,8 @@ for (const { name, hex, message } of vectors.messages) {
   test(name, () => {
     const decoded = decode(bytes(hex));
     const tiles = decoded.tiles.map((tile) => ({ ...tile, heights: [...tile.heights] }));
-    assert.deepEqual({ ...decoded, tiles }, message);
+    const terrain = decoded.terrain.map((tile) => ({ ...tile, heights: [...tile.heights] }));
+    assert.deepEqual({ ...decoded, tiles, terrain }, message);
   });
 }
 

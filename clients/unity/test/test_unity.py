@@ -25,9 +25,11 @@ VECTORS = json.loads((ROOT / "api/height-stream-vectors.json").read_text())
 def test_a_message_says_what_it_should(vector: dict[str, Any]) -> None:
     wanted = vector["message"]
     recovered = "-" if wanted["recovered"] is None else wanted["recovered"]
-    head = [wanted[name] for name in ("op", "id", "seq", "tick")] + [recovered, wanted["more"], wanted["stride"]]
+    head = [wanted[name] for name in ("op", "id", "seq", "tick")] + [recovered]
+    head += [wanted[name] for name in ("more", "level", "stride")]
     tiles = [
-        [tile[n] for n in ("column_x", "column_z", "width", "depth")] + tile["heights"] for tile in wanted["tiles"]
+        [tile[n] for n in ("column_x", "column_z", "width", "depth")] + tile["heights"]
+        for tile in wanted["tiles"] + wanted["terrain"]
     ]
     said = subprocess.run([*PROGRAM, "decode", vector["hex"]], capture_output=True, text=True, check=True).stdout
     assert said.splitlines() == [" ".join(map(str, line)) for line in [head, *tiles]]
@@ -50,9 +52,10 @@ class Follower:
     async def until(self, seq: int) -> tuple[str, np.ndarray]:
         """Recovered or not, and the heights [mm], once they are of a seq or later."""
         while True:
-            told, recovered, width, depth, *heights = await self.line()
+            told, recovered, width, _, *heights = await self.line()
             if int(told) >= seq:
-                return recovered, np.array(heights, int).reshape(int(depth), int(width))
+                # With the ground, that lies below.
+                return recovered, np.array(heights, int).reshape(-1, int(width))
 
 
 @asynccontextmanager
@@ -94,6 +97,24 @@ async def test_it_holds_what_rest_tells_also_after_a_lost_connection(client: Cli
         while (said := await follower.line())[0] != "ended":
             pass
         assert said[-1] == "(3502)"
+
+
+async def test_it_holds_the_ground_where_that_is_wanted(client: Client, server: Server) -> None:
+    grid = {"width": 20, "depth": 12, "height": 10, "cell_size": 0.5}
+    slope = np.add.outer(-np.arange(12.0), np.arange(20) / 4)
+    session = client.create_session(id="slope", grid=grid, paused=True, terrain={"heights": slope.ravel().tolist()})
+    async with Line(server.port) as line, follow(line.url, "slope", "ground") as follower:
+        _, told = await follower.until(0)
+        np.testing.assert_array_equal(told, np.concatenate([np.zeros((12, 20)), slope * 10000]))
+        fall = session.snowfall(1)
+        _, told = await follower.until(fall["seq"])
+        np.testing.assert_array_equal(told, np.concatenate([np.full((12, 20), 1000), slope * 10000]))
+        line.cut()
+        laid = session.put_terrain(slope * 2)
+        line.mend()
+        recovered, told = await follower.until(laid["seq"])
+        assert recovered == "True"
+        np.testing.assert_array_equal(told[12:], slope * 20000)
 
 
 async def test_a_watch_is_told_at_once_and_whenever_it_is_crossed(client: Client, server: Server) -> None:

@@ -24,7 +24,8 @@
 //! # }
 //! ```
 //!
-//! A [`HeightField`] puts the tiles together. After a lost connection, open another stream, pass
+//! A [`HeightField`] puts the tiles together, and the ground where a subscription asks for its
+//! [`terrain`](firn_protocol::Subscribe::terrain). After a lost connection, open another stream, pass
 //! [`HeightField::resume`] to the next subscription, and only what was missed is sent. To forward or count
 //! messages without decoding them, use [`Stream::next_raw`].
 

@@ -1,6 +1,6 @@
 //! What a stream tells.
 
-use firn_protocol::heights::{self, HeightMessage};
+use firn_protocol::heights::{self, GROUND_STEPS_PER_METRE, HeightMessage, Tile};
 use firn_protocol::{ColliderView, Event, Problem, Settings, Stamp};
 use firn_snow::Grid;
 use serde::Deserialize;
@@ -76,12 +76,18 @@ pub struct Heights {
     /// The tiles.
     #[serde(default)]
     pub tiles: Vec<HeightTile>,
+    /// Whether all ground is level at 0, but what the message tells.
+    #[serde(default)]
+    pub level: bool,
+    /// Tiles of the ground, where it is wanted and was told with this: their heights are its elevations \[m\].
+    #[serde(default)]
+    pub terrain: Vec<HeightTile>,
     /// The objects, where they are wanted and were told with this.
     #[serde(default)]
     pub colliders: Option<Vec<ColliderView>>,
 }
 
-/// Heights of a tile.
+/// Heights of a tile, or elevations of its ground.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct HeightTile {
     /// Column of the first sample along x.
@@ -92,7 +98,7 @@ pub struct HeightTile {
     pub width: u32,
     /// Samples along z.
     pub depth: u32,
-    /// Snow depths \[m\], row by row: index = z · width + x.
+    /// Metres, row by row: index = z · width + x.
     pub heights: Vec<f64>,
 }
 
@@ -163,13 +169,17 @@ pub fn read(raw: &Raw, quantum: impl Fn(i64) -> Option<f64>) -> Result<Message, 
 
 /// A binary message in metres.
 fn unpacked(message: &HeightMessage, quantum: f64) -> Result<Heights, String> {
-    let metres = |steps: &u32| f64::from(*steps) * quantum;
-    let tiles = message.tiles().map(|(column_x, column_z, tile)| HeightTile {
-        column_x,
-        column_z,
-        width: tile.width,
-        depth: tile.depth,
-        heights: tile.heights.iter().map(metres).collect(),
+    let tile = |column_x, column_z, tile: &Tile, heights| {
+        let (width, depth) = (tile.width, tile.depth);
+        HeightTile { column_x, column_z, width, depth, heights }
+    };
+    let tiles = message.tiles().map(|(x, z, snow)| {
+        let depths = snow.heights.iter().map(|&steps| f64::from(steps) * quantum);
+        tile(x, z, snow, depths.collect())
+    });
+    let terrain = message.ground().map(|(x, z, ground)| {
+        let elevations = ground.elevations().map(|steps| f64::from(steps) / GROUND_STEPS_PER_METRE);
+        tile(x, z, ground, elevations.collect())
     });
     let colliders = message.colliders.as_deref().map(serde_json::from_str).transpose();
     let head = &message.head;
@@ -181,6 +191,8 @@ fn unpacked(message: &HeightMessage, quantum: f64) -> Result<Heights, String> {
         recovered: head.recovered,
         more: head.more,
         tiles: tiles.collect(),
+        level: head.level,
+        terrain: terrain.collect(),
         colliders: colliders.map_err(|error| error.to_string())?,
     })
 }
@@ -211,14 +223,19 @@ mod tests {
             tick: 1,
             recovered: None,
             more: false,
+            level: true,
             stride: 1,
             tiles_x: 1,
         };
         let tile = heights::encode_tile(1, 1, 1, &[150]);
-        let raw = Raw::Binary(heights::encode(&head, &[(0, &tile)], None).into());
+        let hole = heights::encode_tile(1, 1, 1, &[(-12_345i32).cast_unsigned()]);
+        let raw = Raw::Binary(heights::encode(&head, &[(0, &tile)], &[(0, &hole)], None).into());
         assert!(matches!(read(&raw, |_| None), Err(Error::Unreadable { .. })));
         match read(&raw, |id| (id == 9).then_some(0.01)).unwrap() {
-            Message::Heights(heights) => assert_eq!(heights.tiles[0].heights, [1.5]),
+            Message::Heights(heights) => {
+                assert_eq!(heights.tiles[0].heights, [1.5]);
+                assert!(heights.level && heights.terrain[0].heights == [-1.2345]);
+            }
             other => panic!("{other:?}"),
         }
     }

@@ -2,7 +2,7 @@
 //! `api/height-stream.md` describes every byte. No I/O.
 //!
 //! A tile's bytes depend on its heights, the stride and the quantum only, so that one encoding
-//! serves all who watch it.
+//! serves all who watch it. The ground is told in tiles of the same layout.
 
 mod bits;
 mod decode;
@@ -18,6 +18,9 @@ const SIDE: u32 = 8;
 const SNAPSHOT: u8 = 1;
 const DELTA: u8 = 2;
 
+/// Multiples that elevations of the ground are told in, of each metre: tenths of a millimetre.
+pub const GROUND_STEPS_PER_METRE: f64 = 10_000.0;
+
 /// Flags of a message, its second byte. Bits 4 and 5 hold the stride's logarithm.
 const MORE: u8 = 1;
 const RESUMED: u8 = 2;
@@ -25,6 +28,8 @@ const RECOVERED: u8 = 4;
 const COLLIDERS: u8 = 8;
 const STRIDE_SHIFT: u32 = 4;
 const STRIDE_BITS: u8 = 0b11_0000;
+const TERRAIN: u8 = 0x40;
+const LEVEL: u8 = 0x80;
 
 /// Flags of a tile, its first byte.
 const ROWS: u8 = 1;
@@ -79,6 +84,8 @@ pub struct Head {
     pub recovered: Option<bool>,
     /// Whether further parts of the message follow.
     pub more: bool,
+    /// Whether all ground is level at 0, but what the message tells.
+    pub level: bool,
     /// Every how many columns one is told: 1, 2, 4 or 8.
     pub stride: u32,
     /// Tiles in one row of the grid, at least 1.
@@ -92,6 +99,8 @@ pub struct HeightMessage {
     pub head: Head,
     /// The tiles, in ascending order of their places.
     pub runs: Vec<Run>,
+    /// Tiles of the ground where it is told, in the same order.
+    pub terrain: Vec<Run>,
     /// The colliders where they are told: a JSON array.
     pub colliders: Option<String>,
 }
@@ -99,9 +108,18 @@ pub struct HeightMessage {
 impl HeightMessage {
     /// Every tile told: the column of its first sample along x and along z, and its samples.
     pub fn tiles(&self) -> impl Iterator<Item = (u64, u64, &Tile)> {
+        self.placed(&self.runs)
+    }
+
+    /// Every tile of ground told, in the same way; [`Tile::elevations`] has its samples.
+    pub fn ground(&self) -> impl Iterator<Item = (u64, u64, &Tile)> {
+        self.placed(&self.terrain)
+    }
+
+    fn placed<'a>(&self, runs: &'a [Run]) -> impl Iterator<Item = (u64, u64, &'a Tile)> + use<'a> {
         let tiles_x = u64::from(self.head.tiles_x.max(1));
         let side = u64::from(SIDE);
-        self.runs.iter().flat_map(move |run| {
+        runs.iter().flat_map(move |run| {
             let first = u64::from(run.first);
             (first..first + u64::from(run.count))
                 .map(move |tile| (tile % tiles_x * side, tile / tiles_x * side, &run.tile))
@@ -116,19 +134,26 @@ pub struct Run {
     pub first: u32,
     /// How many, at least 1.
     pub count: u32,
-    /// Their heights.
+    /// Their samples.
     pub tile: Tile,
 }
 
-/// Heights of a tile.
+/// Heights of a tile, or its ground.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tile {
     /// Samples along x, 1 to 8.
     pub width: u32,
     /// Samples along z, 1 to 8.
     pub depth: u32,
-    /// Snow depths in quanta, row by row: index = z · width + x.
+    /// Snow depths in quanta, row by row: index = z · width + x. Of ground, elevations modulo 2³².
     pub heights: Vec<u32>,
+}
+
+impl Tile {
+    /// Elevations of a tile of ground in tenths of a millimetre, row by row.
+    pub fn elevations(&self) -> impl Iterator<Item = i32> {
+        self.heights.iter().map(|&height| height.cast_signed())
+    }
 }
 
 fn zigzag(difference: i32) -> u32 {

@@ -18,13 +18,16 @@ pub struct Subscribe {
     pub quantum: f64,
     /// Whether colliders are wanted.
     pub colliders: bool,
+    /// Whether the ground is wanted: of each tile once, and anew when it changes.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub terrain: bool,
     /// Which events are wanted. Where it is not said: all under `firn.v1.json`, none under `firn.v1.bin`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub events: Option<Events>,
     /// Depths whose crossing is told, at most [`MOST_WATCHES`].
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub watch: Vec<DepthWatch>,
-    /// State up to which the client has seen everything.
+    /// State up to which the client has seen everything; with `terrain` the ground too.
     pub resume: Option<Resume>,
 }
 
@@ -36,6 +39,7 @@ impl Default for Subscribe {
             max_rate: 20.0,
             quantum: 0.001,
             colliders: false,
+            terrain: false,
             events: None,
             watch: Vec::new(),
             resume: None,

@@ -15,6 +15,9 @@ use crate::watched::Watched;
 /// Steps that heights are rounded to \[m\].
 const QUANTUM: f64 = 0.001;
 
+/// Step that elevations of the ground are rounded to \[m\].
+const GROUND_STEP: f64 = 1e-4;
+
 /// States that a client remembers.
 const REMEMBERED: usize = 16;
 
@@ -86,7 +89,8 @@ impl Viewer {
         let resume: Option<Resume> = chosen.as_ref().and_then(HeightField::resume);
         let watched = Watched::new(&grid, dice);
         let watch = vec![watched.wish.clone()];
-        let wish = Subscribe { max_rate: 60.0, resume, watch, ..Subscribe::default() };
+        let wish =
+            Subscribe { max_rate: 60.0, terrain: true, resume, watch, ..Subscribe::default() };
         let encoded = visit.companion::<EncodedTiles>();
         let source = Source {
             grid,
@@ -175,6 +179,15 @@ impl Viewer {
             if !same {
                 return Err(format!(
                     "column {x}/{z} is {there} m high, and a client that was told seq {:?} sees {seen}",
+                    field.resume()
+                ));
+            }
+            let ground = mirror.ground.height(&grid, x, z);
+            let seen = field.ground_height(x, z).unwrap_or(f64::NAN);
+            let same = (seen - ground).abs() <= GROUND_STEP * 0.5001;
+            if !same {
+                return Err(format!(
+                    "the ground at {x}/{z} is {ground} m high, and a client that was told seq {:?} sees {seen}",
                     field.resume()
                 ));
             }

@@ -26,7 +26,7 @@ fn a_subscription_takes_every_field() {
     let request = Request::parse(
         r#"{"op":"subscribe","id":-1,"stride":4,"max_rate":0.5,"quantum":0.01,
             "region":{"column_x":-8,"column_z":16,"width":9,"depth":1},"colliders":true,
-            "events":["clearing","settled"],"watch":[{"id":"a","above":0.5},{"id":"b",
+            "terrain":true,"events":["clearing","settled"],"watch":[{"id":"a","above":0.5},{"id":"b",
             "region":{"column_x":-8,"column_z":16,"width":9,"depth":1},"below":0}],
             "resume":{"epoch":"e","seq":7}}"#,
     );
@@ -37,6 +37,7 @@ fn a_subscription_takes_every_field() {
         max_rate: 0.5,
         quantum: 0.01,
         colliders: true,
+        terrain: true,
         events: Some(Events::from_iter([EventKind::Settled, EventKind::Clearing])),
         watch: vec![
             DepthWatch { id: "a".to_owned(), above: Some(0.5), ..DepthWatch::default() },
@@ -146,7 +147,8 @@ fn every_command_of_a_client_is_read() {
         ..ColliderSpec::default()
     };
     let resume = Some(Resume { epoch: "e".to_owned(), seq: 7 });
-    let wish = Subscribe { stride: 2, colliders: true, resume, ..Subscribe::default() };
+    let wish =
+        Subscribe { stride: 2, colliders: true, terrain: true, resume, ..Subscribe::default() };
     let region = Some(ColumnRegion { column_x: -1, column_z: 0, width: 8, depth: 9 });
     let watch = Some(vec![DepthWatch { id: "a".to_owned(), region, ..DepthWatch::default() }]);
     let update = Update { region, events: Some(Events::none()), watch };

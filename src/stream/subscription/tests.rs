@@ -1,3 +1,7 @@
+mod ground;
+
+use std::time::Duration;
+
 use firn_protocol::{ColumnRegion, DepthWatch, EventKind, SessionSpec};
 use firn_snow::{Object, Position, Shape};
 use serde_json::{Value, json};

@@ -1,10 +1,11 @@
-use firn_snow::{CELL, Object, Position, Shape, TILE_COLUMNS};
+use firn_snow::CELL;
 use proptest::prelude::*;
 use serde_json::Value;
 
+use super::super::parts::most_bytes;
 use super::*;
 
-fn written(quantum: f64, steps: u64) -> String {
+fn written(quantum: f64, steps: i64) -> String {
     let mut out = Vec::new();
     Quantum::new(quantum).unwrap().write(steps, &mut out);
     String::from_utf8(out).unwrap()
@@ -14,10 +15,6 @@ fn sampling(width: u32, depth: u32, stride: u32) -> Sampling {
     let grid = Grid { width, depth, height: 50, cell_size: 0.2 };
     let quantum = Quantum::new(0.001).unwrap();
     Sampling { grid, stride, quantum, protocol: SubProtocol::Json }
-}
-
-fn head(recovered: Option<bool>) -> Head {
-    Head { snapshot: true, id: -4, stamp: Stamp { tick: 5, seq: 6 }, recovered }
 }
 
 /// Columns of heights that all differ: `first`, then one cell more for each column.
@@ -77,186 +74,95 @@ proptest! {
 
 #[test]
 fn a_tile_is_written_row_by_row_and_clipped() {
-    let mut out = Vec::new();
-    sampling(10, 9, 1).write_tile(3, &columns(0), &mut out);
+    let tile = sampling(10, 9, 1).encode_tile(3, &columns(0));
     assert_eq!(
-        String::from_utf8(out).unwrap(),
+        String::from_utf8(tile).unwrap(),
         r#"{"column_x":8,"column_z":8,"width":2,"depth":1,"heights":[0,0.2]}"#
     );
 }
 
 #[test]
 fn a_stride_takes_the_columns_that_are_multiples_of_it() {
-    let mut out = Vec::new();
-    sampling(8, 5, 4).write_tile(0, &columns(0), &mut out);
+    let tile = sampling(8, 5, 4).encode_tile(0, &columns(0));
     assert_eq!(
-        String::from_utf8(out).unwrap(),
+        String::from_utf8(tile).unwrap(),
         r#"{"column_x":0,"column_z":0,"width":2,"depth":2,"heights":[0,0.8,6.4,7.2]}"#
     );
 }
 
-#[test]
-fn a_collider_is_in_view_where_its_box_overlaps() {
-    let grid = Grid::default();
-    let columns = ColumnRect { x0: 8, z0: 0, x1: 16, z1: 8 };
-    let collider = |x: f64| ColliderView {
-        id: "a".to_owned(),
-        object: Object {
-            mass: 1.0,
-            shape: Some(Shape::Box { width: 0.5, depth: 0.5 }),
-            position: Position { x, z: 1.0 },
-            ..Object::default()
-        },
-        bottom: 0.0,
-        sink_depth: 0.0,
-        contact_area: 0.0,
-        pressure: 0.0,
-        resting: false,
-    };
-    assert!(!meets(&collider(1.3), &columns, &grid));
-    assert!(meets(&collider(1.4), &columns, &grid));
-    assert!(meets(&collider(3.4), &columns, &grid));
-    assert!(!meets(&collider(3.5), &columns, &grid));
+/// Ground of a grid from −20 000 to 20 000 m, the farthest that ground may lie.
+fn ground(grid: &Grid) -> Ground {
+    let last = grid.columns() - 1;
+    let height = |i: u64| -20_000.0 + 40_000.0 * (i as f64 / last as f64).powi(3);
+    Ground::new((0..=last).map(height).collect())
 }
 
-/// All parts as values, after checking that none is larger than it may be.
-fn parts(parts: Parts) -> Vec<Value> {
-    let largest = parts.largest;
-    parts
-        .map(|part| {
-            let Message::Text(part) = part else { panic!("{part:?}") };
-            assert!(part.len() <= largest, "{} bytes", part.len());
-            serde_json::from_str(&part).unwrap()
-        })
-        .collect()
-}
-
-/// Nine tiles whose heights all differ.
-fn nine(sampling: &Sampling) -> Vec<(u32, Bytes)> {
-    (0..9).map(|tile| (tile, sampling.encode_tile(tile, &columns(tile)).into())).collect()
-}
-
-fn long_colliders() -> Vec<Vec<u8>> {
-    (0..40).map(|i| format!(r#"{{"id":"{i:0100}"}}"#).into_bytes()).collect()
-}
-
-#[test]
-fn a_long_binary_message_is_cut_and_loses_nothing() {
-    let sampling = Sampling { protocol: SubProtocol::Binary, ..sampling(24, 24, 1) };
-    let colliders = long_colliders();
-    let mut cut = Parts::new(head(Some(true)), sampling, nine(&sampling), Some(colliders.clone()));
-    cut.largest = 500;
-    let mut messages = Vec::new();
-    for part in cut {
-        let Message::Binary(part) = part else { panic!("{part:?}") };
-        assert!(part.len() <= 500, "{} bytes", part.len());
-        messages.push(heights::decode(&part).unwrap());
-    }
-    assert!(messages.len() > 4);
-    let last = messages.len() - 1;
-    for (i, message) in messages.iter().enumerate() {
-        let recovered = (i == 0).then_some(true);
-        let head = heights::Head {
-            snapshot: true,
-            id: -4,
-            seq: 6,
-            tick: 5,
-            recovered,
-            more: i < last,
-            stride: 1,
-            tiles_x: 3,
-        };
-        assert_eq!(message.head, head);
-    }
-    let tiles: Vec<_> = messages.iter().flat_map(|message| message.tiles()).collect();
-    let corners: Vec<u64> = tiles.iter().map(|(x, z, _)| z * 3 + x).collect();
-    assert_eq!(corners, [0, 8, 16, 24, 32, 40, 48, 56, 64]);
-    for ((_, _, tile), number) in tiles.iter().zip(0u32..) {
-        let expected: Vec<u32> = (0..64).map(|i| (number + i) * 200).collect();
-        assert_eq!(tile.heights, expected);
-    }
-    let told: Vec<Vec<u8>> = messages
-        .iter()
-        .filter_map(|message| serde_json::from_str::<Vec<Value>>(message.colliders.as_ref()?).ok())
-        .flatten()
-        .map(|collider| collider.to_string().into_bytes())
-        .collect();
-    assert_eq!(told, colliders);
+/// Whether a tile as text and one out of a message are of the same samples, of which so many are a metre.
+fn says_the_same(
+    text: &Value,
+    (x, z, tile): (u64, u64, &heights::Tile),
+    samples: impl Iterator<Item = i64>,
+    per_metre: f64,
+) {
+    assert_eq!((text["column_x"].as_u64(), text["column_z"].as_u64()), (Some(x), Some(z)));
+    assert_eq!((&text["width"], &text["depth"]), (&tile.width.into(), &tile.depth.into()));
+    let told = text["heights"].as_array().unwrap().iter().map(|height| height.as_f64().unwrap());
+    assert!(told.eq(samples.map(|steps| steps as f64 / per_metre)), "{text}");
 }
 
 #[test]
 fn a_binary_tile_is_clipped_and_thinned_as_a_text_one_is() {
-    for (width, depth, stride, tile) in [(10, 9, 1, 3), (8, 5, 4, 0), (20, 20, 8, 8)] {
+    for (width, depth, stride, tile) in [(10, 9, 1, 3), (8, 5, 4, 0), (20, 20, 8, 8), (9, 9, 2, 0)]
+    {
         let text = sampling(width, depth, stride);
-        let text: Value = serde_json::from_slice(&text.encode_tile(tile, &columns(0))).unwrap();
-        let binary = Sampling { protocol: SubProtocol::Binary, ..sampling(width, depth, stride) };
-        let tiles = vec![(tile, binary.encode_tile(tile, &columns(0)).into())];
-        let mut parts = Parts::new(head(None), binary, tiles, None);
-        let Some(Message::Binary(part)) = parts.next() else { panic!("no part") };
-        let message = heights::decode(&part).unwrap();
-        let (x, z, tile) = message.tiles().next().unwrap();
-        assert_eq!((text["column_x"].as_u64(), text["column_z"].as_u64()), (Some(x), Some(z)));
-        assert_eq!(text["width"], tile.width);
-        assert_eq!(text["depth"], tile.depth);
-        let heights: Vec<f64> = tile.heights.iter().map(|&h| f64::from(h) / 1000.0).collect();
-        assert_eq!(
-            text["heights"],
-            serde_json::json!(
-                heights
-                    .iter()
-                    .map(|&h| {
-                        if h.fract() == 0.0 {
-                            serde_json::json!(h as u64)
-                        } else {
-                            serde_json::json!(h)
-                        }
-                    })
-                    .collect::<Vec<_>>()
-            )
-        );
+        let binary = Sampling { protocol: SubProtocol::Binary, ..text };
+        let ground = ground(&text.grid);
+        let head = heights::Head {
+            snapshot: true,
+            id: 1,
+            seq: 1,
+            tick: 1,
+            recovered: None,
+            more: false,
+            level: false,
+            stride,
+            tiles_x: text.grid.tiles_x(),
+        };
+        let snow = [(tile, binary.encode_tile(tile, &columns(0)))];
+        let below = [(tile, binary.encode_ground(tile, &ground))];
+        let message = heights::decode(&heights::encode(&head, &snow, &below, None)).unwrap();
+        let of = |bytes: Vec<u8>| -> Value { serde_json::from_slice(&bytes).unwrap() };
+        let told = message.tiles().next().unwrap();
+        let samples = told.2.heights.iter().map(|&steps| steps.into());
+        says_the_same(&of(text.encode_tile(tile, &columns(0))), told, samples, 1000.0);
+        let told = message.ground().next().unwrap();
+        let samples = told.2.elevations().map(i64::from);
+        let per_metre = heights::GROUND_STEPS_PER_METRE;
+        says_the_same(&of(text.encode_ground(tile, &ground)), told, samples, per_metre);
     }
 }
 
 #[test]
-fn a_long_message_is_cut_and_loses_nothing() {
-    let colliders = long_colliders();
-    let sampling = sampling(24, 24, 1);
-    let mut cut = Parts::new(head(Some(false)), sampling, nine(&sampling), Some(colliders.clone()));
-    cut.largest = 1500;
-    let parts = parts(cut);
-    assert!(parts.len() > 4);
-    let (last, others) = parts.split_last().unwrap();
-    assert!(others.iter().all(|part| part["more"] == true));
-    assert_eq!(last.get("more"), None);
-    assert_eq!(parts[0]["recovered"], false);
-    assert!(parts[1..].iter().all(|part| part.get("recovered").is_none()));
-    for part in &parts {
-        assert_eq!((&part["op"], &part["id"]), (&"snapshot".into(), &(-4).into()));
-        assert_eq!((&part["tick"], &part["seq"]), (&5.into(), &6.into()));
-    }
-    let list = |key| parts.iter().filter_map(move |part| part.get(key)?.as_array()).flatten();
-    let corners: Vec<u64> = list("tiles")
-        .map(|tile| tile["column_z"].as_u64().unwrap() * 3 + tile["column_x"].as_u64().unwrap())
-        .collect();
-    assert_eq!(corners, [0, 8, 16, 24, 32, 40, 48, 56, 64]);
-    assert_eq!(list("tiles").flat_map(|tile| tile["heights"].as_array().unwrap()).count(), 576);
-    let told: Vec<Vec<u8>> = list("colliders").map(|c| c.to_string().into_bytes()).collect();
-    assert_eq!(told, colliders);
+fn ground_is_told_to_a_tenth_of_a_millimetre() {
+    let elevations = [-20_000.0, -0.00006, -0.00004, 0.00005, 1_234.567_84, 20_000.0];
+    let sampling = sampling(6, 1, 1);
+    let tile = sampling.encode_ground(0, &Ground::new(elevations.into()));
+    let tile: Value = serde_json::from_slice(&tile).unwrap();
+    let told = serde_json::json!([-20_000, -0.0001, 0, 0.0001, 1234.5678, 20_000]);
+    assert_eq!(tile["heights"], told);
 }
 
 #[test]
-fn a_message_without_tiles_still_tells_the_colliders() {
-    let empty = Parts::new(head(None), sampling(8, 8, 1), Vec::new(), Some(Vec::new()));
-    let parts: Vec<Message> = empty.collect();
-    let expected = r#"{"op":"snapshot","id":-4,"seq":6,"tick":5,"tiles":[],"colliders":[]}"#;
-    assert_eq!(parts, [Message::text(expected)]);
-}
-
-#[test]
-fn a_tile_always_fits_a_part() {
+fn a_tile_always_fits_what_is_counted_for_it() {
     let quantum = Quantum::new(0.123_456_789_012_345_67).unwrap();
     let sampling = Sampling { quantum, ..sampling(8, 8, 1) };
-    let mut out = Vec::new();
-    sampling.write_tile(0, &[u32::MAX; TILE_COLUMNS as usize], &mut out);
-    assert!(out.len() < 4096);
+    assert!(sampling.encode_tile(0, &[u32::MAX; TILE_COLUMNS as usize]).len() < 4096);
+
+    let rough = (0..64).map(|i| if i % 3 == 0 { -19_999.999_9 } else { 19_999.999_9 });
+    let ground = Ground::new(rough.collect());
+    for protocol in SubProtocol::ALL {
+        let one = Sampling { protocol, ..sampling }.encode_ground(0, &ground);
+        let counted = most_bytes(protocol, 0, 1, 0) / 2;
+        assert!(one.len() as u64 + 64 <= counted, "{} of {counted} bytes", one.len());
+    }
 }

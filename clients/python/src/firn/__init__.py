@@ -5,18 +5,20 @@ api/openapi.json and api/asyncapi.yaml describe them.
 """
 
 from .client import Client
-from .codec import DecodeError, HeightMessage, Tile, decode
+from .codec import GROUND_STEPS_PER_METRE, DecodeError, GroundTile, HeightMessage, Tile, decode
 from .problem import FieldError, ProblemError
 from .session import Heights, Samples, Session
 from .stream import Disconnected, Stream, StreamClosed
 from .subscription import Change, Subscription
 
 __all__ = [
+    "GROUND_STEPS_PER_METRE",
     "Change",
     "Client",
     "DecodeError",
     "Disconnected",
     "FieldError",
+    "GroundTile",
     "HeightMessage",
     "Heights",
     "ProblemError",

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 SIDE = 8
 LEFT, ABOVE, NONE = 0, 1, 3
+# Elevations of the ground are told in tenths of a millimetre.
+GROUND_STEPS_PER_METRE = 10_000
 # No server sends more than a grid can hold: whoever claims more would fill the memory.
 MOST_TILES = 1 << 24
 
@@ -40,6 +42,18 @@ class Tile:
 
 
 @dataclass(frozen=True)
+class GroundTile:
+    """Ground of a tile; shared as heights are."""
+
+    column_x: int
+    """First column along x."""
+    column_z: int
+    """First column along z."""
+    heights: NDArray[np.int32]
+    """Elevations in tenths of a millimetre, shape (depth, width), at most 8 × 8."""
+
+
+@dataclass(frozen=True)
 class HeightMessage:
     """A message of heights, or a part of one."""
 
@@ -54,6 +68,10 @@ class HeightMessage:
     """Whether further parts follow."""
     stride: int
     tiles: list[Tile]
+    level: bool
+    """Whether all ground is level at 0, but what the message tells."""
+    terrain: list[GroundTile]
+    """Tiles of the ground, where a subscription wants it and it is told."""
     colliders: list[Any] | None
     """All objects in the region, where they are told; they replace those told before."""
 
@@ -65,12 +83,16 @@ def decode(data: bytes) -> HeightMessage:
     if kind not in (1, 2):
         reader.refuse("neither 1, a snapshot, nor 2, a delta")
     flags = reader.byte()
-    if flags & 0xC0 or flags & 6 == 4:
+    if flags & 6 == 4:
         reader.refuse("these flags have no meaning")
     code = reader.varint(64)
     stride = 1 << (flags >> 4 & 3)
     seq, tick = reader.varint(64), reader.varint(64)
-    tiles = _read_tiles(reader, stride)
+    tiles_x = reader.varint(32)
+    if tiles_x == 0:
+        reader.refuse("a grid has at least one tile in a row")
+    tiles = _read_tiles(reader, stride, tiles_x)
+    ground = _read_tiles(reader, stride, tiles_x) if flags & 0x40 else []
     rest = data[reader.at :]
     if rest and not flags & 8:
         reader.refuse("there are bytes after the last tile")
@@ -83,6 +105,9 @@ def decode(data: bytes) -> HeightMessage:
         more=bool(flags & 1),
         stride=stride,
         tiles=tiles,
+        level=bool(flags & 0x80),
+        # The same 32 bits, with a sign.
+        terrain=[GroundTile(tile.column_x, tile.column_z, tile.heights.view(np.int32)) for tile in ground],
         colliders=_colliders(reader, rest) if flags & 8 else None,
     )
 
@@ -214,10 +239,8 @@ def _residuals(
     return residuals
 
 
-def _read_tiles(reader: _Reader, stride: int) -> list[Tile]:
-    tiles_x = reader.varint(32)
-    if tiles_x == 0:
-        reader.refuse("a grid has at least one tile in a row")
+def _read_tiles(reader: _Reader, stride: int, tiles_x: int) -> list[Tile]:
+    """Reads runs of tiles, of snow or of ground."""
     rows = _Rows()
     placed: list[tuple[int, int]] = []
     place = 0

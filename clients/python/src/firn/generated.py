@@ -534,6 +534,25 @@ class GridSpec(TypedDict):
     """Side h of a fresh cell [m]."""
 
 
+class GroundTile(TypedDict):
+    """The ground of a tile."""
+
+    column_x: int
+    """First column along x."""
+
+    column_z: int
+    """First column along z."""
+
+    width: int
+    """Samples along x."""
+
+    depth: int
+    """Samples along z."""
+
+    heights: list[float]
+    """Elevations [m], of the same columns as the heights of a tile of snow."""
+
+
 HardnessLaw: TypeAlias = Literal["calibrated", "regression", "gold"]
 
 
@@ -549,6 +568,18 @@ class Heights(TypedDict):
     """
 
     tiles: list[Tile]
+    level: NotRequired[Literal[True]]
+    """
+    All ground is level at 0, but what the message tells under `terrain`. Only where the
+    subscription wants the ground.
+    """
+
+    terrain: NotRequired[list[GroundTile]]
+    """
+    The ground where the client has not been told it, or was told another. Only where the
+    subscription wants it.
+    """
+
     colliders: NotRequired[list[ColliderView]]
     """
     Every collider whose bounding box meets the region, in ascending order of ids; it
@@ -926,8 +957,8 @@ class ResetSpec(TypedDict):
 
 class Resume(TypedDict):
     """
-    The state that the client holds: the epoch of the `welcome` under which it was told, and the seq of the
-    last whole message.
+    The state that the client holds, that of the ground too where `terrain` is wanted: the epoch of the
+    `welcome` under which it was told, and the seq of the last whole message.
     """
 
     epoch: str
@@ -1533,12 +1564,15 @@ class SubscribeMessage(TypedDict):
     colliders: NotRequired[bool]
     """Whether the colliders in the region are wanted."""
 
+    terrain: NotRequired[bool]
+    """Whether the ground in the region is wanted."""
+
     events: NotRequired[EventsWanted]
     watch: NotRequired[DepthWatches]
     resume: NotRequired[Resume | None]
     """
-    The state that the client holds: the epoch of the `welcome` under which it was told, and the seq of the
-    last whole message.
+    The state that the client holds, that of the ground too where `terrain` is wanted: the epoch of the
+    `welcome` under which it was told, and the seq of the last whole message.
     """
 
 

@@ -89,19 +89,21 @@ class Stream:
         max_rate: float = 20,
         quantum: float = 0.001,
         colliders: bool = False,
+        terrain: bool = False,
         events: bool | Sequence[EventKind] | None = None,
         watch: Sequence[DepthWatch] = (),
     ) -> Subscription:
         """Watches a region, all columns where there is none. Returns once its heights are known.
 
-        `max_rate`: most messages per second [Hz]; `quantum`: step that heights are rounded to [m]. `events`: which the
+        `max_rate`: most messages per second [Hz]; `quantum`: step that heights are rounded to [m]. `colliders`,
+        `terrain`: whether the objects and the ground of the region are wanted too. `events`: which the
         stream's `on_event` is called with, all of the region by default; `watch`: mean depths whose crossing it is
         called with, at most 16.
         """
         if events is None:
             events = self._on_event is not None
         wish: dict[str, Any] = {"region": region, "stride": stride, "max_rate": max_rate, "quantum": quantum}
-        wish |= {"colliders": colliders, "events": as_json(events), "watch": list(watch)}
+        wish |= {"colliders": colliders, "terrain": terrain, "events": as_json(events), "watch": list(watch)}
         subscription = Subscription(next(self._ids), wish, self._tell)
         if self._ended is not None:
             raise self._ended

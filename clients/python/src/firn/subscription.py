@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from .codec import HeightMessage, Tile
+from .codec import GROUND_STEPS_PER_METRE, GroundTile, HeightMessage, Tile
 from .types import Collider, ColumnRegion, DepthWatch, EventKind, Welcome
 
 SIDE = 8
@@ -25,6 +25,8 @@ class Change:
     """Number of the state. It only grows, and may exceed 32 bits."""
     parts: list[tuple[slice, slice]] = field(default_factory=list)
     """Where heights changed: `subscription.heights[part]` for each."""
+    ground: bool = False
+    """Whether the ground was told, of new parts of the region or because it changed."""
     colliders: bool = False
     """Whether the objects changed."""
     recovered: bool | None = None
@@ -41,6 +43,8 @@ class Subscription:
         self.id = id
         self.heights: NDArray[np.float64] = np.empty((0, 0))
         """Snow depths [m], shape (depth, width): `heights[z, x]`. NaN where nothing is known yet."""
+        self.ground: NDArray[np.float64] | None = None
+        """Elevations of the ground [m], as `heights`; None where the subscription does not want them."""
         self.column_x = 0
         """First column along x. Regions are widened to whole tiles of 8 × 8 columns."""
         self.column_z = 0
@@ -112,6 +116,7 @@ class Subscription:
         if grid != self._grid:
             self._grid = grid
             self.heights = np.empty((0, 0))
+            self.ground = None
             self._look_at(self._wish["region"])
         resume = None
         if self._seen is not None and not np.isnan(self.heights).any():
@@ -130,23 +135,29 @@ class Subscription:
         wanted = region or {"column_x": 0, "column_z": 0, "width": grid_width, "depth": grid_depth}
         x0, x1 = _widened(wanted["column_x"], wanted["width"], grid_width)
         z0, z1 = _widened(wanted["column_z"], wanted["depth"], grid_depth)
-        old, old_x, old_z = self.heights, self.column_x, self.column_z
+        heights, ground, old_x, old_z = self.heights, self.ground, self.column_x, self.column_z
         self.column_x, self.column_z = x0, z0
         self.heights = np.full((-(-(z1 - z0) // self.stride), -(-(x1 - x0) // self.stride)), np.nan)
         if self._news is not None:
             self._news.parts = []
-        self._put(old_x, old_z, old)
+        self._put(old_x, old_z, heights, self.heights)
+        if self._wish.get("terrain"):
+            self.ground = np.full_like(self.heights, np.nan)
+            if ground is not None:
+                self._put(old_x, old_z, ground, self.ground)
 
-    def _put(self, column_x: int, column_z: int, heights: NDArray[np.float64]) -> tuple[slice, slice] | None:
-        """Takes heights over as far as they lie in the region; where they do."""
+    def _put(
+        self, column_x: int, column_z: int, samples: NDArray[np.float64], into: NDArray[np.float64]
+    ) -> tuple[slice, slice] | None:
+        """Takes samples over as far as they lie in the region; where they do."""
         x, z = (column_x - self.column_x) // self.stride, (column_z - self.column_z) // self.stride
-        depth, width = heights.shape
-        z0, z1 = max(z, 0), min(z + depth, self.heights.shape[0])
-        x0, x1 = max(x, 0), min(x + width, self.heights.shape[1])
+        depth, width = samples.shape
+        z0, z1 = max(z, 0), min(z + depth, into.shape[0])
+        x0, x1 = max(x, 0), min(x + width, into.shape[1])
         if z0 >= z1 or x0 >= x1:
             return None
         part = (slice(z0, z1), slice(x0, x1))
-        self.heights[part] = heights[z0 - z : z1 - z, x0 - x : x1 - x]
+        into[part] = samples[z0 - z : z1 - z, x0 - x : x1 - x]
         return part
 
     def _take(self, message: HeightMessage) -> None:
@@ -158,6 +169,7 @@ class Subscription:
         if message.op == "snapshot":
             self.heights.fill(np.nan)
         changed = [self._put_tile(tile) for part in parts for tile in part.tiles]
+        ground_told = self._put_ground(parts)
         told = [part.colliders for part in parts if part.colliders is not None]
         if told:
             self.colliders = [collider for some in told for collider in some]
@@ -170,6 +182,7 @@ class Subscription:
             tick=self.tick,
             seq=self.seq,
             parts=list(known.values()),
+            ground=news.ground or ground_told,
             colliders=news.colliders or bool(told),
             recovered=parts[0].recovered if parts[0].recovered is not None else news.recovered,
         )
@@ -177,7 +190,19 @@ class Subscription:
 
     def _put_tile(self, tile: Tile) -> tuple[slice, slice] | None:
         # Divided by quanta per metre, 4685 quanta of a millimetre are 4.685, as written.
-        return self._put(tile.column_x, tile.column_z, tile.heights / (1 / self._wish["quantum"]))
+        return self._put(tile.column_x, tile.column_z, tile.heights / (1 / self._wish["quantum"]), self.heights)
+
+    def _put_ground(self, parts: list[HeightMessage]) -> bool:
+        """Takes over the ground, where it is told; whether it is."""
+        if self.ground is None:
+            return False
+        level = any(part.level for part in parts)
+        if level:
+            self.ground.fill(0)
+        tiles: list[GroundTile] = [tile for part in parts for tile in part.terrain]
+        for tile in tiles:
+            self._put(tile.column_x, tile.column_z, tile.heights / GROUND_STEPS_PER_METRE, self.ground)
+        return level or bool(tiles)
 
     def _end(self, why: Exception) -> None:
         self._ended = self._ended or why

@@ -21,24 +21,22 @@ pub struct DecodeError {
 /// to be JSON.
 pub fn decode(bytes: &[u8]) -> Result<HeightMessage, DecodeError> {
     let mut reader = Reader::new(bytes);
-    let (head, tells_colliders) = head(&mut reader)?;
-    let count = reader.varint()?;
-    let mut runs = Vec::new();
-    let mut next = 0;
-    for _ in 0..count {
-        next = run(&mut reader, head.stride, next, &mut runs)?;
-    }
+    let (head, flags) = head(&mut reader)?;
+    let told = runs(&mut reader, head.stride)?;
+    let tells_ground = flags & TERRAIN != 0;
+    let terrain = if tells_ground { runs(&mut reader, head.stride)? } else { Vec::new() };
     let rest = reader.rest();
-    let colliders = match (tells_colliders, std::str::from_utf8(rest)) {
+    let colliders = match (flags & COLLIDERS != 0, std::str::from_utf8(rest)) {
         (true, Ok(text)) => Some(text.to_owned()),
         (true, Err(_)) => return Err(reader.wrong("the colliders are not UTF-8")),
         (false, _) if rest.is_empty() => None,
         (false, _) => return Err(reader.wrong("there are bytes after the last tile")),
     };
-    Ok(HeightMessage { head, runs, colliders })
+    Ok(HeightMessage { head, runs: told, terrain, colliders })
 }
 
-fn head(reader: &mut Reader) -> Result<(Head, bool), DecodeError> {
+/// Reads what begins a message, and its flags.
+fn head(reader: &mut Reader) -> Result<(Head, u8), DecodeError> {
     let snapshot = match reader.byte()? {
         SNAPSHOT => true,
         DELTA => false,
@@ -46,9 +44,7 @@ fn head(reader: &mut Reader) -> Result<(Head, bool), DecodeError> {
     };
     let flags = reader.byte()?;
     let is = |flag| flags & flag != 0;
-    if flags & !(MORE | RESUMED | RECOVERED | COLLIDERS | STRIDE_BITS) != 0
-        || is(RECOVERED) && !is(RESUMED)
-    {
+    if is(RECOVERED) && !is(RESUMED) {
         return Err(reader.wrong("these flags have no meaning"));
     }
     let id = reader.varint()?;
@@ -59,13 +55,25 @@ fn head(reader: &mut Reader) -> Result<(Head, bool), DecodeError> {
         tick: reader.varint()?,
         recovered: is(RESUMED).then_some(is(RECOVERED)),
         more: is(MORE),
+        level: is(LEVEL),
         stride: 1 << ((flags & STRIDE_BITS) >> STRIDE_SHIFT),
         tiles_x: reader.varint_u32()?,
     };
     if head.tiles_x == 0 {
         return Err(reader.wrong("a grid has at least one tile in a row"));
     }
-    Ok((head, is(COLLIDERS)))
+    Ok((head, flags))
+}
+
+/// Reads tiles, of snow or of ground.
+fn runs(reader: &mut Reader, stride: u32) -> Result<Vec<Run>, DecodeError> {
+    let count = reader.varint()?;
+    let mut runs = Vec::new();
+    let mut next = 0;
+    for _ in 0..count {
+        next = run(reader, stride, next, &mut runs)?;
+    }
+    Ok(runs)
 }
 
 /// Reads tiles of neighbouring places; returns the place after them.

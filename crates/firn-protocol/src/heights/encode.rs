@@ -3,7 +3,8 @@
 use super::bits::{push_bits, push_varint};
 use super::*;
 
-/// The bytes of a tile of `width` × `depth` samples, row by row, in quanta.
+/// The bytes of a tile of `width` × `depth` samples, row by row: depths of snow in quanta, or elevations of
+/// ground in tenths of a millimetre, modulo 2³².
 ///
 /// # Panics
 /// Where width or depth is not within 1 to 8, or `heights` has not as many samples as they say.
@@ -75,13 +76,15 @@ fn push_row(row: &[u32], above: &[u32], out: &mut Vec<u8>) {
 }
 
 /// The bytes of a message: tiles in ascending order of their places, each with its bytes from
-/// [`encode_tile`] for the head's stride, and the colliders as a JSON array.
+/// [`encode_tile`] for the head's stride; tiles of ground, if any, in the same way; and the colliders as a
+/// JSON array.
 ///
 /// # Panics
 /// Where the stride is not 1, 2, 4 or 8, or the places do not ascend.
 pub fn encode<T: AsRef<[u8]>>(
     head: &Head,
     tiles: &[(u32, T)],
+    ground: &[(u32, T)],
     colliders: Option<&[u8]>,
 ) -> Vec<u8> {
     assert!([1, 2, 4, 8].contains(&head.stride), "stride {}", head.stride);
@@ -92,6 +95,8 @@ pub fn encode<T: AsRef<[u8]>>(
         (head.recovered.is_some(), RESUMED),
         (head.recovered == Some(true), RECOVERED),
         (colliders.is_some(), COLLIDERS),
+        (!ground.is_empty(), TERRAIN),
+        (head.level, LEVEL),
     ];
     let stride = (head.stride.trailing_zeros() << STRIDE_SHIFT) as u8;
     out.push(flags_of(&flags) | stride);
@@ -99,23 +104,30 @@ pub fn encode<T: AsRef<[u8]>>(
     push_varint(head.seq, &mut out);
     push_varint(head.tick, &mut out);
     push_varint(u64::from(head.tiles_x), &mut out);
+    push_runs(tiles, &mut out);
+    if !ground.is_empty() {
+        push_runs(ground, &mut out);
+    }
+    out.extend_from_slice(colliders.unwrap_or_default());
+    out
+}
+
+fn push_runs<T: AsRef<[u8]>>(tiles: &[(u32, T)], out: &mut Vec<u8>) {
     let runs = runs(tiles);
-    push_varint(runs.len() as u64, &mut out);
+    push_varint(runs.len() as u64, out);
     let mut next = 0;
     for run in runs {
         let (first, bytes) = &run[0];
         let skipped = first.checked_sub(next).expect("places ascend");
-        push_varint(u64::from(skipped), &mut out);
+        push_varint(u64::from(skipped), out);
         let same = run.len() > 1 && run[1].1.as_ref() == bytes.as_ref();
-        push_varint((run.len() as u64) << 1 | u64::from(same), &mut out);
+        push_varint((run.len() as u64) << 1 | u64::from(same), out);
         let payloads = if same { 1 } else { run.len() };
         for (_, bytes) in &run[..payloads] {
             out.extend_from_slice(bytes.as_ref());
         }
         next = first + run.len() as u32;
     }
-    out.extend_from_slice(colliders.unwrap_or_default());
-    out
 }
 
 /// The flags that are set.
