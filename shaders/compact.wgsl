@@ -145,7 +145,9 @@ fn compact(
     // Under objects each cycle after the first has contacts evaluated before it, and a pass of its
     // own.
     let first_only = (row.shape & LOADED) != 0u && (work.flags & UNDER_OBJECTS) == 0u;
-    if !awake || work.cycle >= run.cycles || (first_only && work.cycle > 0u) {
+    // `press` has them where loads press.
+    let pressed = (row.shape & LOADED) != 0u && run.step > 0u;
+    if !awake || pressed || work.cycle >= run.cycles || (first_only && work.cycle > 0u) {
         return;
     }
     let cycles = select(min(run.cycles - work.cycle, work.cycles), 1u, first_only);

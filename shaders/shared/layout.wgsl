@@ -68,6 +68,8 @@ struct Run {
     rate: f32,
     // Its row in the table of sums.
     tally: u32,
+    // Thickness quanta by which a load presses a cell in a cycle at the most; 0 where snow creeps under it.
+    step: u32,
 }
 
 // Where a tile is.

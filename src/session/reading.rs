@@ -211,11 +211,12 @@ pub(super) fn sink(column: &Column, load: &Load, gathered: &Gathered, grid: &Gri
     let pressure = load.mass * GRAVITY / load.area;
     let surface = SurfaceLoad { pressure: pressure as f32, width: load.area.sqrt() as f32 };
     let dt = gathered.cycle.unwrap_or(CYCLE_AT_REST);
+    let step = gathered.pressing.step(dt);
     let pressed = match load.duration {
-        None => column.equilibrium(grid, &gathered.material, surface, dt as f32),
+        None => column.equilibrium(grid, &gathered.material, surface, step.is_some(), dt as f32),
         Some(duration) => {
             let cycles = (duration / dt).round() as u32;
-            column.creep(grid, &gathered.material, surface, dt as f32, cycles)
+            column.after(grid, &gathered.material, surface, step, dt as f32, cycles)
         }
     };
     grid.metres(u64::from(column.height() - pressed.height()))

@@ -6,6 +6,7 @@ mod frames;
 mod golden;
 mod kernels;
 mod parts;
+mod press;
 mod render_shaders;
 mod shaders;
 mod sleep;

@@ -109,7 +109,7 @@ fn host_and_shaders_agree_on_every_struct() {
             gold,
         }
     );
-    compare_layout!(module, Run { cycles, flags, rate, tally });
+    compare_layout!(module, Run { cycles, flags, rate, tally, step });
     compare_layout!(module, Tile { session, page, row, shape });
     compare_layout!(module, Tally { last_change, active_tiles, mass_low, mass_high });
     compare_layout!(

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use firn_engine::frame::{
     Backend, ColumnRead, Contents, Edit, Placement, Run, SampleBox, TileCells, Work, WorkOutcome,
 };
-use firn_snow::{Column, Contact, Elevation, Floor, Grid, Material, Sample, Shape};
+use firn_snow::{Column, Contact, Elevation, Floor, Grid, Material, Pressing, Sample, Shape};
 
 use crate::support::*;
 
@@ -122,6 +122,7 @@ pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> St
     backend.create(0, &level(GRID, Material::default())).unwrap();
     edit(backend, 0, vec![snow(&GRID, GRID.all(), 2.5, 20.0, -3.0)]);
     let (mut last_dt, mut standing, mut saved) = (0.0, Standing::new(), None);
+    let mut pressing = Pressing::Creep;
     for _ in 0..14 {
         let saved_state = saved.as_ref().filter(|_| restores);
         let mut edits = any_restore(&mut dice, saved_state, &mut standing);
@@ -132,7 +133,13 @@ pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> St
         let most = if dice.unit() < 0.5 { 3 } else { 250 };
         let cycles = dice.below(most) + u32::from(!restores || dice.unit() < 0.9);
         let alters = |edit: &Edit| matches!(edit, Edit::SetMaterial(_) | Edit::Restore(_));
-        let wake = dt != last_dt || edits.iter().any(alters);
+        let before = (last_dt, pressing);
+        if dice.unit() < 0.4 {
+            pressing =
+                [Pressing::Creep, Pressing::Within(0.0), Pressing::Within(dice.range(0.1, 9.0))]
+                    [dice.below(3) as usize];
+        }
+        let wake = (dt, pressing) != before || edits.iter().any(alters);
         last_dt = dt;
         let mut first = 0;
         if frames == Frames::Cut {
@@ -142,7 +149,9 @@ pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> St
             }
             first = Dice::new(seed + u64::from(cycles)).below(cycles);
             let run = Run { cycles: first, dt };
-            work(backend, Work { slot: 0, edits: idle(), wake, run, ..Work::default() });
+            let work_before =
+                Work { slot: 0, edits: idle(), wake, run, pressing, ..Work::default() };
+            work(backend, work_before);
             edit(backend, 0, idle());
         }
         let floor = Floor::Level(Elevation::default());
@@ -151,6 +160,7 @@ pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> St
             edits,
             wake,
             run: Run { cycles: cycles - first, dt },
+            pressing,
             publish: true,
             tally: true,
             gather: (0..GRID.tiles()).collect(),

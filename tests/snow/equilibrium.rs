@@ -46,7 +46,7 @@ fn height(column: &Column, grid: &Grid) -> f64 {
 }
 
 fn sink(column: &Column, grid: &Grid, material: &Material, load: SurfaceLoad, dt: f64) -> f64 {
-    let rest = column.equilibrium(grid, material, load, dt as f32);
+    let rest = column.equilibrium(grid, material, load, false, dt as f32);
     height(column, grid) - height(&rest, grid)
 }
 
@@ -96,7 +96,7 @@ proptest! {
         let pressure = (mass * GRAVITY / footprint.area) as f32;
         let load = SurfaceLoad { pressure, width: footprint.area.sqrt() as f32 };
         let before = snowpack.column(x, z).clone();
-        let foretold = before.equilibrium(&grid, &material, load, dt as f32);
+        let foretold = before.equilibrium(&grid, &material, load, false, dt as f32);
 
         snowpack.put_collider("plate".into(), mass, footprint, true);
         snowpack.evaluate();
@@ -121,7 +121,10 @@ fn settled_snow_stays_and_fresh_snow_settles_by_itself() {
     settle(&mut snowpack, 0.25);
     let column = snowpack.column(0, 0);
     assert!((fresh - height(column, &grid) - settling).abs() < SLACK && settling > 1.0);
-    assert_eq!(column.equilibrium(&grid, &material, nothing, 0.25).height(), column.height());
+    assert_eq!(
+        column.equilibrium(&grid, &material, nothing, false, 0.25).height(),
+        column.height()
+    );
     let small = SurfaceLoad { pressure: 1.0, width: 1.0 };
     assert!(sink(column, &grid, &material, small, 0.25) > 0.0, "it only just carries itself");
 }
@@ -172,7 +175,10 @@ fn snow_too_stiff_to_move_a_quantum_rests_above_its_hardness() {
     let column = snowpack.column(0, 0).clone();
     let load = SurfaceLoad { pressure: 20_000.0, width: 10.0 };
     assert!(load.pressure > 2.0 * column.surface_hardness(&grid, &stiff).expect("there is snow"));
-    assert_eq!(column.equilibrium(&grid, &stiff, load, 1.0 / 60.0).height(), column.height());
+    assert_eq!(
+        column.equilibrium(&grid, &stiff, load, false, 1.0 / 60.0).height(),
+        column.height()
+    );
     snowpack.put_collider(
         "plate".into(),
         20_000.0 * 0.16 / GRAVITY,
@@ -188,6 +194,6 @@ fn no_snow_has_no_hardness_and_nowhere_to_sink() {
     let (grid, material) = (grid(0.2), Material::default());
     let load = SurfaceLoad { pressure: 1000.0, width: 1.0 };
     let empty = Column::default();
-    assert_eq!(empty.equilibrium(&grid, &material, load, 0.25), empty);
+    assert_eq!(empty.equilibrium(&grid, &material, load, false, 0.25), empty);
     assert_eq!(empty.surface_hardness(&grid, &material), None);
 }

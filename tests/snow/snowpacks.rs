@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use firn_snow::{
     CELL, Cell, ColumnRect, Contact, Elevation, Footprint, GRAVITY, Grid, Material, Position,
-    Shape, Snowpack, share,
+    Pressing, Shape, Snowpack, share,
 };
 use proptest::prelude::*;
 
@@ -67,6 +67,7 @@ enum Step {
     Put { id: u8, mass: f64, place: (bool, f64, f64, f64, f64), placed: bool },
     Remove(u8),
     Stiffness(f64),
+    Pressing(Pressing),
     Run { cycles: u32, dt: f64 },
 }
 
@@ -79,6 +80,9 @@ fn step() -> impl Strategy<Value = Step> {
         3 => put,
         1 => (0..4_u8).prop_map(Step::Remove),
         1 => (3.0..5.0).prop_map(Step::Stiffness),
+        1 => (any::<bool>(), 0.0..10.0).prop_map(|(creeps, seconds)| {
+            Step::Pressing(if creeps { Pressing::Creep } else { Pressing::Within(seconds) })
+        }),
         4 => (1..400_u32, prop::sample::select(vec![1.0 / 60.0, 0.25]))
             .prop_map(|(cycles, dt)| Step::Run { cycles, dt }),
     ]
@@ -97,6 +101,7 @@ fn take(snowpack: &mut Snowpack, step: &Step) -> (u64, u32, Vec<(Arc<str>, Conta
         Step::Stiffness(stiffness_exponent) => {
             snowpack.set_material(Material { stiffness_exponent, ..Material::default() });
         }
+        Step::Pressing(pressing) => snowpack.set_pressing(pressing),
         Step::Run { cycles, dt } => last = snowpack.run(cycles, dt),
     }
     if !matches!(step, Step::Run { .. }) {

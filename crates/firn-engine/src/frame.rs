@@ -8,7 +8,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use firn_snow::{
-    Cell, Column, ColumnRect, Contact, Floor, Footprint, Grid, Material, Sample, TILE_COLUMNS,
+    Cell, Column, ColumnRect, Contact, Floor, Footprint, Grid, Material, Pressing, Sample,
+    TILE_COLUMNS,
 };
 
 use crate::reserve::try_filled;
@@ -64,6 +65,8 @@ pub struct Work {
     pub wake: bool,
     /// Cycles to run after the edits.
     pub run: Run,
+    /// How snow gives way under objects in them. Where that is another way than before, it comes with `wake`.
+    pub pressing: Pressing,
     /// Report tiles that changed since the last report, and the contacts.
     pub publish: bool,
     /// Sum the masses of all cells, after the cycles.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Preset};
+use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Preset, Pressing};
 use serde::{Deserialize, Serialize};
 
 use crate::session::{Settings, given};
@@ -28,6 +28,8 @@ pub struct SessionSpec {
     pub paused: bool,
     /// Continuous snowfall \[m/h\], from 0 to 100.
     pub snowfall_rate: f64,
+    /// How snow gives way under objects.
+    pub pressing: Pressing,
     /// Seconds without request or stream after which the session hibernates.
     pub idle_timeout_s: Option<f64>,
     /// Seconds without request or stream after which the session is deleted.
@@ -44,7 +46,7 @@ pub struct SessionSpec {
 #[cfg_attr(feature = "schema", schema(as = SessionSpec))]
 #[serde(default, deny_unknown_fields)]
 pub struct SessionBody {
-    /// Kind of snow: fills what `material` and `air_temperature` leave out.
+    /// Kind of snow: fills what `material`, `air_temperature` and `pressing` leave out.
     pub preset: Preset,
     /// Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none.
     pub id: Option<String>,
@@ -67,6 +69,10 @@ pub struct SessionBody {
     /// Continuous snowfall \[m/h\].
     #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 100))]
     pub snowfall_rate: f64,
+    /// How snow gives way under objects; the preset's way where nothing is said.
+    #[cfg_attr(feature = "schema", schema(value_type = Pressing, required = false))]
+    #[serde(deserialize_with = "given")]
+    pub pressing: Option<Pressing>,
     /// Seconds without request or stream after which the session hibernates.
     #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 1e9))]
     pub idle_timeout_s: Option<f64>,
@@ -167,6 +173,7 @@ impl Default for SessionBody {
             tick_rate: 60.0,
             paused: false,
             snowfall_rate: 0.0,
+            pressing: None,
             idle_timeout_s: None,
             delete_after_s: None,
             initial_snow: Vec::new(),
@@ -186,6 +193,7 @@ impl From<SessionBody> for SessionSpec {
             tick_rate: body.tick_rate,
             paused: body.paused,
             snowfall_rate: body.snowfall_rate,
+            pressing: body.pressing.unwrap_or(body.preset.pressing()),
             idle_timeout_s: body.idle_timeout_s,
             delete_after_s: body.delete_after_s,
             initial_snow: body.initial_snow,
@@ -217,6 +225,7 @@ impl SessionSpec {
             tick_rate: self.tick_rate,
             paused: self.paused,
             snowfall_rate: self.snowfall_rate,
+            pressing: self.pressing,
             idle_timeout_s: self.idle_timeout_s,
             delete_after_s: self.delete_after_s,
         }

@@ -33,7 +33,9 @@ mod subscription;
 mod usage;
 mod weather;
 
-pub use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Position, Preset, Shape};
+pub use firn_snow::{
+    Grid, HardnessLaw, LoadDistribution, Material, Position, Preset, Pressing, Shape,
+};
 
 pub use checkpoints::{CheckpointList, CheckpointView, ResetSpec};
 pub use colliders::{ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColliderView};

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use firn_snow::{Grid, Material};
+use firn_snow::{Grid, Material, Pressing};
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// The settings of a session that can change while it lives.
@@ -19,6 +19,10 @@ pub struct Settings {
     pub paused: bool,
     /// Continuous snowfall \[m/h\].
     pub snowfall_rate: f64,
+    /// How snow gives way under objects.
+    #[serde(default)]
+    #[cfg_attr(feature = "schema", schema(required = true))]
+    pub pressing: Pressing,
     /// Seconds without request or stream after which the session hibernates.
     pub idle_timeout_s: Option<f64>,
     /// Seconds without request or stream after which the session is deleted.
@@ -47,6 +51,8 @@ pub struct SettingsPatch {
     /// Exponent n of the stiffness law.
     #[cfg_attr(feature = "schema", schema(minimum = 3, maximum = 6))]
     pub stiffness_exponent: Option<f64>,
+    /// How snow gives way under objects.
+    pub pressing: Option<Pressing>,
     /// Seconds without request or stream after which the session hibernates, `null` for never.
     #[serde(deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(value_type = Option<f64>, minimum = 1, maximum = 1e9))]

@@ -3,8 +3,9 @@
 //! Masses and thicknesses are integers, so that sums are exact; what happens in a cell in one cycle
 //! is computed in f32, as on the GPU.
 
-mod creep;
+mod after;
 mod equilibrium;
+mod press;
 
 use super::grid::{CELL, Grid};
 use super::material::{GRAVITY, LoadDistribution, Material, REFERENCE_CELL_SIZE};
@@ -169,7 +170,7 @@ impl Column {
         let mut changed = false;
         for (rank, cell) in self.cells.iter_mut().rev().enumerate() {
             mass += cell.mass;
-            let weight = GRAVITY as f32 * (mass as f32 * MASS_QUANTUM);
+            let weight = weight(mass);
             let depth = (above as f32 + 0.5 * cell.thickness as f32) * metres;
             let external = loads.iter().fold(0.0, |sum, load| {
                 let part = spread(material.load_distribution, depth, load.width, rank == 0);
@@ -196,6 +197,12 @@ impl Column {
 #[inline]
 pub(super) fn mixed(temperature: f32, mass: u32, other: f32, added: u32) -> f32 {
     temperature + (other - temperature) * (added as f32 / (mass as f32 + added as f32))
+}
+
+/// Weight \[Pa\] of snow of an areal mass in quanta.
+#[inline]
+fn weight(mass: u32) -> f32 {
+    GRAVITY as f32 * (mass as f32 * MASS_QUANTUM)
 }
 
 /// Part of a surface load that is felt at a depth \[m\], for a load of a width \[m\].
@@ -265,6 +272,19 @@ impl Compaction<'_> {
         }
         let indent = excess / self.material.stiffness(density) * self.rate * thickness;
         indent.min(LARGEST_INDENT * thickness) as u32
+    }
+
+    /// Hardness of a cell \[Pa\].
+    #[inline]
+    fn hardness(&self, cell: &Cell) -> f32 {
+        let density = cell.mass as f32 / cell.thickness as f32 * self.density;
+        self.material.hardness(density, cell.temperature)
+    }
+
+    /// Thickness in quanta at the largest density.
+    #[inline]
+    fn least(&self, cell: &Cell) -> u32 {
+        ((cell.mass as f32 * self.densest).ceil() as u32).max(1)
     }
 }
 

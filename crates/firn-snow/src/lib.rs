@@ -35,6 +35,7 @@ mod footprint;
 mod grid;
 mod material;
 mod preset;
+mod pressing;
 mod recut;
 mod sample;
 mod snowpack;
@@ -50,5 +51,6 @@ pub use material::{
     GRAVITY, HardnessLaw, LoadDistribution, Material, REFERENCE_CELL_SIZE, gold_prefactor,
 };
 pub use preset::Preset;
+pub use pressing::Pressing;
 pub use sample::{Content, Floor, Sample, sample_column};
 pub use snowpack::{Progress, Snowpack};

@@ -1,8 +1,9 @@
 //! Kinds of snow, as sets of values to begin with.
 
 use crate::material::{HardnessLaw, Material};
+use crate::pressing::Pressing;
 
-/// A kind of snow: a material, and the air that it fell from. `docs/model.md` has all values and their sources.
+/// A kind of snow: a material, how it gives way under objects, and the air that it fell from. `docs/model.md` has all values and their sources.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
@@ -43,6 +44,14 @@ impl Preset {
                 grain_size_mm: 10.0,
                 ..snow(60.0, 450.0)
             },
+        }
+    }
+
+    /// How it gives way under objects.
+    pub fn pressing(self) -> Pressing {
+        match self {
+            Preset::Thesis => Pressing::Creep,
+            Preset::Powder | Preset::Packed | Preset::Wet | Preset::Game => Pressing::Within(0.25),
         }
     }
 

@@ -14,6 +14,7 @@ use super::contact::Contact;
 use super::footprint::Footprint;
 use super::grid::{ColumnRect, Grid, TILE_COLUMNS};
 use super::material::Material;
+use super::pressing::Pressing;
 use super::sample::{Floor, Sample, sample_column};
 use tile::Tile;
 
@@ -51,6 +52,7 @@ pub struct Snowpack {
     relist: bool,
     /// Δt of the last run \[s\].
     dt: f64,
+    pressing: Pressing,
     always_awake: bool,
 }
 
@@ -80,6 +82,7 @@ impl Snowpack {
             loaded: Vec::new(),
             relist: false,
             dt: 0.0,
+            pressing: Pressing::default(),
             always_awake,
         })
     }
@@ -203,6 +206,14 @@ impl Snowpack {
             tile.stale = true;
         }
         self.wake();
+    }
+
+    /// Says how snow gives way under objects, and wakes every tile where that is another way.
+    pub fn set_pressing(&mut self, pressing: Pressing) {
+        if pressing != self.pressing {
+            self.pressing = pressing;
+            self.wake();
+        }
     }
 
     /// Wakes every tile.

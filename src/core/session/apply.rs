@@ -54,13 +54,14 @@ impl SessionState {
                         Material { stiffness_exponent: *stiffness_exponent, ..self.material };
                     orders.edits.push(Edit::SetMaterial(self.material));
                 }
+                let pressing = new.pressing != old.pressing;
                 orders.changed |= new != old || stiffness;
                 self.settings = new;
                 // What has fallen doesn't hang in the air for ever.
                 let stops = new.snowfall_rate == 0.0;
                 let rest = stops.then(|| self.falling.lay_rest(&self.grid)).flatten();
                 let tiles = rest.and_then(|rest| self.apply(&rest, orders).tiles);
-                Disturbed { tiles, all: rate || stiffness }
+                Disturbed { tiles, all: rate || stiffness || pressing }
             }
             Command::Ground(ground) => {
                 orders.edits.push(Edit::SetGround(ground.heights().clone()));

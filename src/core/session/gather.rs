@@ -2,7 +2,7 @@
 
 use firn_engine::frame::ColumnRead;
 use firn_protocol::{ColumnView, LayerView, MassView, Reference, SampleBatch, SampleFields, Stamp};
-use firn_snow::{CELL, Cell, Column, ColumnRect, Grid, MASS_QUANTA, Material, Sample};
+use firn_snow::{CELL, Cell, Column, ColumnRect, Grid, MASS_QUANTA, Material, Pressing, Sample};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::{Outlet, Surface};
@@ -14,6 +14,8 @@ pub struct Gathered {
     pub stamp: Stamp,
     /// Material constants then.
     pub material: Material,
+    /// How snow gave way under objects then.
+    pub pressing: Pressing,
     /// Length of the cycles then \[s\]; `None` where time stands still.
     pub cycle: Option<f64>,
     /// The columns, in the order asked for.
@@ -36,6 +38,7 @@ impl Outlet {
         Gathered {
             stamp: stamp.unwrap_or_else(|| mirror.stamp_at(self.frame())),
             material: mirror.material,
+            pressing: mirror.settings.pressing,
             cycle: mirror.clock.steady_cycle(),
             columns,
             surface: batch.map(|batch| surface.sample(batch)).unwrap_or_default(),

@@ -1,7 +1,7 @@
 //! What a session may be created with.
 
 use firn_protocol::{SessionSpec, Settings, is_valid_id};
-use firn_snow::{Grid, MAX_COLUMN_MASS, Material};
+use firn_snow::{Grid, MAX_COLUMN_MASS, Material, Pressing};
 
 use crate::core::session::{Check, Ground, SessionError};
 
@@ -119,6 +119,9 @@ impl Check {
         self.range("/time_scale", settings.time_scale, 0.0, 1000.0, "");
         self.range("/tick_rate", settings.tick_rate, 1.0, 240.0, "Hz");
         self.range("/snowfall_rate", settings.snowfall_rate, 0.0, 100.0, "m/h");
+        if let Pressing::Within(seconds) = settings.pressing {
+            self.range("/pressing", seconds, 0.0, Pressing::LONGEST, "s");
+        }
         for (pointer, seconds) in [
             ("/idle_timeout_s", settings.idle_timeout_s),
             ("/delete_after_s", settings.delete_after_s),

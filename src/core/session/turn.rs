@@ -86,6 +86,7 @@ impl Simulation {
             edits: std::mem::take(&mut orders.edits),
             wake: orders.wake,
             run,
+            pressing: self.state.settings.pressing,
             publish,
             tally: !orders.tallies.is_empty(),
             samples: orders.samples.iter().map(|(wanted, _)| *wanted).collect(),

@@ -106,6 +106,7 @@ impl Job {
         }
         let run = self.work.run;
         if run.cycles > 0 {
+            snowpack.set_pressing(self.work.pressing);
             self.progress = Some(snowpack.begin_run(run.cycles, run.dt));
         } else if edited {
             self.progress = Some(snowpack.begin_evaluation());

@@ -6,6 +6,8 @@ mod steps;
 
 use std::collections::VecDeque;
 
+use firn_snow::Pressing;
+
 use crate::frame::{Edit, TileCells, Work, WorkOutcome};
 
 use super::resident::{Resident, rounds};
@@ -95,6 +97,11 @@ impl Job {
         self.work.run.cycles
     }
 
+    /// How snow gives way under objects.
+    pub fn pressing(&self) -> Pressing {
+        self.work.pressing
+    }
+
     /// Edits of the round that is under way.
     pub fn round(&self) -> &[(u32, Edit)] {
         self.rounds.front().map_or(&[], Vec::as_slice)
@@ -128,7 +135,8 @@ impl Job {
     pub fn next_part(&mut self, resident: &Resident, units: u64) -> Part {
         let most = self.work.limit.unwrap_or(u64::MAX);
         let mut part = Part { done: self.done, units, ..Part::default() };
-        part.work = Work { slot: self.work.slot, ..Work::default() };
+        let Work { slot, pressing, .. } = self.work;
+        part.work = Work { slot, pressing, ..Work::default() };
         let mut ends = resident.unfurnished.is_some();
         while self.stage != Stage::Over && part.units < most && !ends {
             let left = most - part.units;

@@ -98,7 +98,7 @@ pub struct Kernel {
 }
 
 /// Number of a kernel in [`KERNELS`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum KernelId {
     /// Lets snow fall and clears it.
     Snowfall,
@@ -110,6 +110,8 @@ pub enum KernelId {
     Schedule,
     /// Compacts cells.
     Compact,
+    /// Presses cells under objects.
+    Press,
     /// Packs changed tiles.
     Publish,
     /// Sums masses.
@@ -129,7 +131,7 @@ use Access::{Read, Write};
 use Resource::*;
 
 /// All kernels, in the order of [`KernelId`].
-pub const KERNELS: [Kernel; 9] = [
+pub const KERNELS: [Kernel; 10] = [
     Kernel {
         name: "snowfall",
         entry_point: "snowfall",
@@ -196,6 +198,25 @@ pub const KERNELS: [Kernel; 9] = [
         name: "compact",
         entry_point: "compact",
         source: &[LAYOUT, MATERIAL, include_str!("../../../../shaders/compact.wgsl")],
+        bindings: &[
+            (Sessions, Read),
+            (Runs, Read),
+            (Tiles, Read),
+            (States, Write),
+            (Filled, Read),
+            (Heights, Write),
+            (Tallies, Write),
+            (Due, Read),
+            (Mass, Read),
+            (Thickness, Write),
+            (Temperature, Read),
+            (Stress, Read),
+        ],
+    },
+    Kernel {
+        name: "press",
+        entry_point: "press",
+        source: &[LAYOUT, MATERIAL, include_str!("../../../../shaders/press.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Runs, Read),

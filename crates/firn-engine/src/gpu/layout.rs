@@ -138,6 +138,8 @@ pub struct Run {
     pub rate: f32,
     /// Its row in the table of sums.
     pub tally: u32,
+    /// Thickness quanta by which a load presses a cell in a cycle at the most; 0 where snow creeps under it.
+    pub step: u32,
 }
 
 /// Where a tile is.

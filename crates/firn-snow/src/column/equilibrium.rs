@@ -4,12 +4,14 @@
 //! stress never falls. A cell therefore ends at the first thickness at which it rests under the
 //! stress of the end, whatever the path; and as no cell feels those below, a scan from the top down
 //! finds the thicknesses one by one. The one exception is a cycle that presses a cell past the
-//! thickness at which it would rest, as light snow under a heavy load: such cycles are run.
+//! thickness at which it would rest, as light snow under a heavy load: such cycles are run. Cells that are
+//! pressed never go past it.
 
 use crate::grid::Grid;
 use crate::material::Material;
 
-use super::{CELL, Cell, Column, Compaction, GRAVITY, MASS_QUANTUM, SurfaceLoad, spread};
+use super::press::thickest;
+use super::{CELL, Cell, Column, Compaction, SurfaceLoad, spread, weight};
 
 /// Halvings of a cell's thickness: an indent of up to 1/64 of it is smooth wherever it ends.
 const SMOOTH: u32 = 6;
@@ -24,23 +26,25 @@ const MOST_CYCLES: u32 = 1000;
 impl Column {
     /// The column as it comes to rest under a load after cycles of `dt` seconds, the settling of
     /// the snow that is still in motion included. Δt matters in two ways: long cycles press light
-    /// snow past its equilibrium, and a cell rests where a cycle's indent rounds to nothing.
+    /// snow past its equilibrium, and a cell rests where a cycle's indent rounds to nothing. A cell that
+    /// the load `presses`, rather than that it creeps, rests where it carries the stress on it.
     pub fn equilibrium(
         &self,
         grid: &Grid,
         material: &Material,
         load: SurfaceLoad,
+        presses: bool,
         dt: f32,
     ) -> Column {
         let law = Compaction::new(grid, material, dt);
         let mut column = self.clone();
         for _ in 0..MOST_CYCLES {
             column.stress(grid, material, &[load]);
-            if !law.runs_rough(&mut column.cells) {
+            if !law.runs_rough(&mut column.cells, presses) {
                 break;
             }
         }
-        law.scan(grid, &mut column.cells, load);
+        law.scan(grid, &mut column.cells, load, presses);
         column
     }
 
@@ -52,10 +56,15 @@ impl Column {
 }
 
 impl Compaction<'_> {
-    /// Runs a cycle; returns whether an indent was large or took a cell past its equilibrium.
-    fn runs_rough(&self, cells: &mut [Cell]) -> bool {
-        let mut rough = false;
-        for cell in cells {
+    /// Runs a cycle of the cells that creep; returns whether an indent was large or took a cell past its
+    /// equilibrium.
+    fn runs_rough(&self, cells: &mut [Cell], presses: bool) -> bool {
+        let (mut mass, mut rough) = (0_u32, false);
+        for cell in cells.iter_mut().rev() {
+            mass += cell.mass;
+            if presses && cell.stress > weight(mass) {
+                continue;
+            }
             let before = cell.thickness;
             self.run(cell, 1);
             let indent = before - cell.thickness;
@@ -68,57 +77,35 @@ impl Compaction<'_> {
     }
 
     /// Takes every cell, from the top down, to the thickness at which it rests.
-    fn scan(&self, grid: &Grid, cells: &mut [Cell], load: SurfaceLoad) {
+    fn scan(&self, grid: &Grid, cells: &mut [Cell], load: SurfaceLoad, presses: bool) {
         let metres = grid.cell_size as f32 / CELL as f32;
         let (mut mass, mut above) = (0_u32, 0_u32);
         for (rank, cell) in cells.iter_mut().rev().enumerate() {
             mass += cell.mass;
-            let weight = GRAVITY as f32 * (mass as f32 * MASS_QUANTUM);
+            let weight = weight(mass);
             let stressed = |thickness: u32| {
                 let depth = (above as f32 + 0.5 * thickness as f32) * metres;
                 let part = spread(self.material.load_distribution, depth, load.width, rank == 0);
                 Cell { thickness, stress: weight + load.pressure * part, ..*cell }
             };
-            *cell = self.rest(cell.thickness, stressed);
-            above += cell.thickness;
+            let rests = |thickness: u32| {
+                let cell = stressed(thickness);
+                self.is_densest(&cell)
+                    || match presses && cell.stress > weight {
+                        true => self.hardness(&cell) >= cell.stress,
+                        false => self.indent(&cell, cell.mass as f32) == 0,
+                    }
+            };
+            // Hardness rises faster with density than stress does as the load comes closer, so there is
+            // one thickness from which on the cell rests.
+            let (least, present) = (self.least(cell), cell.thickness);
+            let thickness = if rests(present) { present } else { thickest(least, present, rests) };
+            *cell = stressed(thickness);
+            above += thickness;
         }
-    }
-
-    /// The thickest cell, up to a thickness, that rests. Hardness rises faster with density than
-    /// stress does as the load comes closer, so there is one thickness from which on cells rest.
-    fn rest(&self, present: u32, stressed: impl Fn(u32) -> Cell) -> Cell {
-        let cell = stressed(present);
-        if self.rests(&cell) {
-            return cell;
-        }
-        let (mut resting, mut moving) = (self.least(&cell), present);
-        while moving - resting > 1 {
-            let middle = resting + (moving - resting) / 2;
-            if self.rests(&stressed(middle)) {
-                resting = middle;
-            } else {
-                moving = middle;
-            }
-        }
-        stressed(resting)
-    }
-
-    /// Whether a cycle leaves the cell as it is.
-    fn rests(&self, cell: &Cell) -> bool {
-        self.is_densest(cell) || self.indent(cell, cell.mass as f32) == 0
-    }
-
-    fn hardness(&self, cell: &Cell) -> f32 {
-        let density = cell.mass as f32 / cell.thickness as f32 * self.density;
-        self.material.hardness(density, cell.temperature)
     }
 
     fn is_densest(&self, cell: &Cell) -> bool {
         cell.thickness <= self.least(cell)
-    }
-
-    /// Thickness in quanta at the largest density.
-    fn least(&self, cell: &Cell) -> u32 {
-        ((cell.mass as f32 * self.densest).ceil() as u32).max(1)
     }
 }

@@ -4,6 +4,7 @@
 
 use rayon::prelude::*;
 
+use crate::column::Column;
 use crate::grid::TILE_COLUMNS;
 
 use super::{Collider, Snowpack, Tile};
@@ -233,7 +234,9 @@ impl Snowpack {
             progress.enter(Stage::Loaded);
         }
         let due = part.into_par_iter().filter(|tile| tile.loads.is_empty());
-        let compacted = due.map(|tile| tile.compact_if_due(grid, material, always, cycles, dt));
+        let compacted = due.map(|tile| {
+            tile.run_if_due(always, cycles, |column| column.compact(grid, material, cycles, dt))
+        });
         let (last, units) = compacted.reduce(|| (0, 0), |a, b| (a.0.max(b.0), a.1 + b.1));
         if last > 0 {
             progress.last_change = progress.last_change.max(progress.done + last);
@@ -245,7 +248,7 @@ impl Snowpack {
     fn compact_loaded(&mut self, progress: &mut Progress, most: u64) -> u64 {
         let most_tiles = most / self.units_of_a_tile();
         let (grid, material, always) = (&self.grid, &self.material, self.always_awake);
-        let dt = self.dt as f32;
+        let (dt, step) = (self.dt as f32, self.pressing.step(self.dt));
         let part = next_among(&mut self.tiles, &self.loaded, &mut progress.next, most_tiles);
         if part.is_empty() {
             let stops = !progress.moved && !progress.restless && !always;
@@ -253,8 +256,11 @@ impl Snowpack {
             progress.end_cycle(stops);
             return 0;
         }
-        let compacted = part.into_par_iter();
-        let compacted = compacted.map(|tile| tile.compact_if_due(grid, material, always, 1, dt));
+        let run = |column: &mut Column| match step {
+            Some(step) => u32::from(column.press(grid, material, step, dt)),
+            None => column.compact(grid, material, 1, dt),
+        };
+        let compacted = part.into_par_iter().map(|tile| tile.run_if_due(always, 1, run));
         let (last, units) = compacted.reduce(|| (0, 0), |a, b| (a.0.max(b.0), a.1 + b.1));
         progress.moved |= last > 0;
         units

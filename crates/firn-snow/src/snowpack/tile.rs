@@ -117,30 +117,28 @@ impl Tile {
         self.columns.iter().map(|column| column.cells.len() as u64).sum()
     }
 
-    /// Compacts every column where a cell may change. Returns 1 + the index of the last cycle in which one
-    /// did, and how many cells were compacted.
-    pub fn compact_if_due(
+    /// Runs a number of cycles of every column where a cell may change; `run` says of one after how many of
+    /// them nothing changed any more. Returns that of all, and how many cells were compacted.
+    pub fn run_if_due(
         &mut self,
-        grid: &Grid,
-        material: &Material,
         always: bool,
         cycles: u32,
-        dt: f32,
+        run: impl Fn(&mut Column) -> u32,
     ) -> (u32, u64) {
         if !(always || self.awake) {
             return (0, 1);
         }
-        let last = self.compact(grid, material, cycles, dt);
+        let last = self.run(cycles, run);
         (last, 1 + self.cells() * u64::from(cycles.min(last + 1)))
     }
 
-    /// Compacts every column; returns 1 + the index of the last cycle in which a cell changed, and
+    /// Runs every column; returns 1 + the index of the last cycle in which a cell changed, and
     /// goes to sleep where that was not the very last one.
     #[inline]
-    fn compact(&mut self, grid: &Grid, material: &Material, cycles: u32, dt: f32) -> u32 {
+    fn run(&mut self, cycles: u32, run: impl Fn(&mut Column) -> u32) -> u32 {
         let mut last = 0;
         for (column, height) in self.columns.iter_mut().zip(&mut self.heights) {
-            let changed = column.compact(grid, material, cycles, dt);
+            let changed = run(column);
             if changed > 0 {
                 *height = column.height();
                 (self.dirty, self.moved) = (true, true);

@@ -13,6 +13,7 @@ impl SessionState {
             tick_rate: patch.tick_rate.unwrap_or(old.tick_rate),
             paused: patch.paused.unwrap_or(old.paused),
             snowfall_rate: patch.snowfall_rate.unwrap_or(old.snowfall_rate),
+            pressing: patch.pressing.unwrap_or(old.pressing),
             idle_timeout_s: patch.idle_timeout_s.unwrap_or(old.idle_timeout_s),
             delete_after_s: patch.delete_after_s.unwrap_or(old.delete_after_s),
         };

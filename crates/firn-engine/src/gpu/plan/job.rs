@@ -11,6 +11,7 @@ use crate::gpu::resident::Resident;
 
 use super::Planner;
 use super::edits::by_page;
+use super::runs::compaction_of;
 
 impl Planner<'_> {
     /// Plans a part of a job, the results of whose edits begin at a number.
@@ -52,12 +53,12 @@ impl Planner<'_> {
                 Step::Weigh(count) => self.weigh_some(resident, *count),
                 Step::Free(tiles) => {
                     let pass = Pass { cycles: part.run.cycles, ..Pass::default() };
-                    self.compact(resident, tiles.iter().copied(), pass);
+                    self.compact(KernelId::Compact, resident, tiles, pass);
                 }
                 Step::Loaded(tiles, cycle) => {
                     let flags = UNDER_OBJECTS;
                     let pass = Pass { cycle: *cycle, cycles: 1, flags, ..Pass::default() };
-                    self.compact(resident, tiles.iter().copied(), pass);
+                    self.compact(compaction_of(job.pressing()), resident, tiles, pass);
                 }
             }
         }
@@ -104,19 +105,14 @@ impl Planner<'_> {
         }
     }
 
-    /// Compacts some tiles.
-    fn compact(&mut self, resident: &Resident, tiles: impl Iterator<Item = u32>, pass: Pass) {
+    /// Has a kernel compact some tiles.
+    fn compact(&mut self, kernel: KernelId, resident: &Resident, tiles: &[u32], pass: Pass) {
         let mut pages: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-        for tile in tiles {
+        for &tile in tiles {
             let rows = pages.entry(resident.page(tile)).or_default();
             rows.push(resident.lot.tiles.start + tile);
         }
-        for (page, rows) in pages {
-            let count = rows.len() as u32;
-            let length = self.tables.due.list(rows);
-            let pass = Pass { first: length + 1, length, ..pass };
-            self.dispatch(KernelId::Compact, page, pass, count);
-        }
+        self.compact_listed(kernel, pages, pass);
     }
 }
 

@@ -1,10 +1,10 @@
 //! Cycles: all at once where nothing stands on the snow, one by one under objects.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use firn_snow::REFERENCE_CELL_SIZE;
+use firn_snow::{Pressing, REFERENCE_CELL_SIZE};
 
-use crate::frame::{self, Slot, Work};
+use crate::frame::{self, Work};
 use crate::gpu::due::Due;
 use crate::gpu::kernels::KernelId;
 use crate::gpu::layout::{
@@ -26,6 +26,8 @@ struct Loaded {
     objects: Vec<u32>,
     /// Tiles of each page.
     tiles: Vec<LoadedTiles>,
+    /// What a cycle of them takes.
+    kernels: Vec<KernelId>,
     /// Contacts and stresses of the first cycle have been evaluated after edits.
     known: bool,
 }
@@ -57,7 +59,8 @@ impl Planner<'_> {
                 | flag(always_awake, ALWAYS_AWAKE)
                 | flag(part.is_some(), PARTED);
             let frame::Run { cycles, dt } = *part.unwrap_or(&work.run);
-            (work.slot, Run { cycles, flags, rate: (dt / REFERENCE_CELL_SIZE) as f32, tally })
+            let (rate, step) = ((dt / REFERENCE_CELL_SIZE) as f32, work.pressing.step(dt));
+            (work.slot, Run { cycles, flags, rate, tally, step: step.unwrap_or(0) })
         };
         self.tables.runs.set((0..).zip(work).map(run));
     }
@@ -79,8 +82,38 @@ impl Planner<'_> {
         } else {
             self.scheduled_runs(totals);
         }
+        self.press_first(residents, work);
         if let Some(loaded) = loaded {
             self.later_cycles(&loaded);
+        }
+    }
+
+    /// Plans the first cycle on tiles under objects where those press; elsewhere it is like that of all others.
+    fn press_first(&mut self, residents: &Residents, work: &[Work]) {
+        let mut pages: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for work in
+            work.iter().filter(|work| work.run.cycles > 0 && work.pressing != Pressing::Creep)
+        {
+            let Some(resident) = residents.get(work.slot) else { continue };
+            for &tile in resident.loads.keys() {
+                let tiles = pages.entry(resident.page(tile)).or_default();
+                tiles.push(resident.lot.tiles.start + tile);
+            }
+        }
+        self.compact_listed(KernelId::Press, pages, Pass::default());
+    }
+
+    /// Has a kernel go through lists of tiles, by their pages.
+    pub(super) fn compact_listed(
+        &mut self,
+        kernel: KernelId,
+        pages: BTreeMap<u32, Vec<u32>>,
+        pass: Pass,
+    ) {
+        for (page, tiles) in pages {
+            let count = tiles.len() as u32;
+            let length = self.tables.due.list(tiles);
+            self.dispatch(kernel, page, Pass { first: length + 1, count, length, ..pass }, count);
         }
     }
 
@@ -138,22 +171,22 @@ impl Planner<'_> {
         residents: &Residents,
         work: impl Iterator<Item = &'w Work>,
     ) -> Option<Loaded> {
-        let mut running: Vec<(u32, Slot, &Resident)> = work
+        let mut running: Vec<(&Work, &Resident)> = work
             .filter(|work| work.run.cycles > 0)
-            .filter_map(|work| Some((work.run.cycles, work.slot, residents.get(work.slot)?)))
-            .filter(|(_, _, resident)| !resident.bodies.is_empty())
+            .filter_map(|work| Some((work, residents.get(work.slot)?)))
+            .filter(|(_, resident)| !resident.bodies.is_empty())
             .collect();
-        running.sort_by_key(|&(cycles, slot, _)| (std::cmp::Reverse(cycles), slot));
-        let known = running.iter().all(|(_, slot, _)| self.evaluated.contains(slot));
-        if running.first().is_none_or(|&(most, _, _)| known && most == 1) {
+        running.sort_by_key(|(work, _)| (std::cmp::Reverse(work.run.cycles), work.slot));
+        let known = running.iter().all(|(work, _)| self.evaluated.contains(&work.slot));
+        if running.first().is_none_or(|(work, _)| known && work.run.cycles == 1) {
             return None;
         }
         let first = self.tables.orders.colliders.len();
         let mut objects = Vec::new();
         let mut pages: BTreeMap<u32, Vec<(u32, LoadJob)>> = BTreeMap::new();
-        for &(cycles, slot, resident) in &running {
-            let mut own = Vec::new();
-            let first = self.collider_rows(slot, resident, true);
+        for &(work, resident) in &running {
+            let (mut own, cycles) = (Vec::new(), work.run.cycles);
+            let first = self.collider_rows(work.slot, resident, true);
             self.load_jobs(first, resident, resident.loads.keys().copied(), &mut own);
             objects.extend(std::iter::repeat_n(cycles, resident.bodies.len()));
             for (page, job) in own {
@@ -167,7 +200,10 @@ impl Planner<'_> {
             LoadedTiles { page, first, tiles }
         };
         let tiles = pages.into_iter().map(tiles).collect();
-        Some(Loaded { first, objects, tiles, known })
+        let kernels: BTreeSet<KernelId> =
+            running.iter().map(|(work, _)| compaction_of(work.pressing)).collect();
+        let kernels = kernels.into_iter().collect();
+        Some(Loaded { first, objects, tiles, kernels, known })
     }
 
     /// Has contacts and stresses evaluated before a cycle.
@@ -198,10 +234,21 @@ impl Planner<'_> {
             for (tiles, &length) in loaded.tiles.iter().zip(&lists) {
                 let (first, count) = (length + 1, tiles.with_cycle(cycle));
                 let flags = UNDER_OBJECTS;
-                let pass = Pass { first, length, cycle, cycles: 1, flags, ..Pass::default() };
-                self.dispatch(KernelId::Compact, tiles.page, pass, count);
+                let pass =
+                    Pass { first, count, length, cycle, cycles: 1, flags, ..Pass::default() };
+                for &kernel in &loaded.kernels {
+                    self.dispatch(kernel, tiles.page, pass, count);
+                }
             }
         }
+    }
+}
+
+/// What compacts tiles under objects.
+pub(super) fn compaction_of(pressing: Pressing) -> KernelId {
+    match pressing {
+        Pressing::Creep => KernelId::Compact,
+        Pressing::Within(_) => KernelId::Press,
     }
 }
 

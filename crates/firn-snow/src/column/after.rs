@@ -3,25 +3,29 @@
 use crate::grid::Grid;
 use crate::material::Material;
 
-use super::{Column, Compaction, SurfaceLoad};
+use super::{Column, SurfaceLoad};
 
 impl Column {
     /// The column after a number of cycles of `dt` seconds under a load, the settling of the snow that is
-    /// still in motion included: what an object does that stands on level snow for so long.
-    pub fn creep(
+    /// still in motion included: what an object does that stands on level snow for so long. Loads press by up to
+    /// `step` quanta in a cycle; where there is none, the snow creeps under them.
+    pub fn after(
         &self,
         grid: &Grid,
         material: &Material,
         load: SurfaceLoad,
+        step: Option<u32>,
         dt: f32,
         cycles: u32,
     ) -> Column {
-        let law = Compaction::new(grid, material, dt);
         let mut column = self.clone();
         for _ in 0..cycles {
             column.stress(grid, material, &[load]);
-            let moved = column.cells.iter_mut().fold(0, |moved, cell| moved + law.run(cell, 1));
-            if moved == 0 {
+            let moved = match step {
+                Some(step) => column.press(grid, material, step, dt),
+                None => column.compact(grid, material, 1, dt) > 0,
+            };
+            if !moved {
                 break;
             }
         }
