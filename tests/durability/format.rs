@@ -96,6 +96,7 @@ async fn a_store_of_the_first_format_is_taken_over_with_all_that_is_in_it() {
     let settings = ["air_temperature", "snowfall_rate", "tick_rate", "time_scale"];
     assert_eq!(settings.map(|name| &changes[name]), [-9.0, 3.0, 45.0, 20.0]);
     assert_eq!(changes["material"]["stiffness_exponent"], 4.5);
+    assert_eq!(changes["pressing"], "creep", "there was nothing else then");
     let (replayed, again) = repeat(&server).await;
     assert!(replayed && again["tick"] == 90 && again["seq"] == 25, "{again}");
     assert!(server.get("/v1/sessions/running").await["tick"].as_u64().unwrap() >= 100);

@@ -66,6 +66,7 @@ async fn a_preset_fills_what_is_not_given(backend: BackendChoice) {
         let view = server.post("/v1/sessions", body).await.expect(201);
         assert_eq!(view["material"], serde_json::to_value(preset.material()).unwrap());
         assert_eq!(view["air_temperature"], preset.air_temperature());
+        assert_eq!(view["pressing"], serde_json::to_value(preset.pressing()).unwrap());
         let path = format!("/v1/sessions/{}", view["id"].as_str().unwrap());
         let layers = server.get(&format!("{path}/columns/3/4")).await.expect(200)["layers"].clone();
         within(
@@ -77,7 +78,7 @@ async fn a_preset_fills_what_is_not_given(backend: BackendChoice) {
     }
     let given = json!({"preset": "powder", "paused": true,
         "grid": {"width": 8, "depth": 8, "height": 5, "cell_size": 0.2},
-        "material": {"max_density": 250, "hardness_law": "gold"}});
+        "material": {"max_density": 250, "hardness_law": "gold"}, "pressing": 1.5});
     let path = server.create(given).await;
     let powder = Preset::Powder.material();
     let mut wanted = serde_json::to_value(powder).unwrap();
@@ -85,7 +86,7 @@ async fn a_preset_fills_what_is_not_given(backend: BackendChoice) {
     wanted["hardness_law"] = json!("gold");
     let check = |view: &Value| {
         assert_eq!(view["material"], wanted);
-        assert_eq!(view["air_temperature"], -10.0);
+        assert_eq!((&view["air_temperature"], &view["pressing"]), (&json!(-10.0), &json!(1.5)));
     };
     check(&server.get(&path).await.expect(200));
     check(&server.post(&format!("{path}/reset"), json!({})).await.expect(200));

@@ -138,6 +138,12 @@ async fn settings_change_and_others_stay(backend: BackendChoice) {
     let back = server.patch(&path, json!({"idle_timeout_s": null})).await.expect(200);
     assert_eq!(back["idle_timeout_s"], Value::Null);
     assert_eq!(back["air_temperature"], -7.5);
+    assert_eq!(back["pressing"], "creep");
+    for pressing in [json!(0.25), json!("creep"), json!(0.0), json!(10.0)] {
+        let view = server.patch(&path, json!({ "pressing": pressing })).await.expect(200);
+        assert_eq!(view["pressing"], pressing);
+        assert_eq!(server.get(&path).await.expect(200)["pressing"], pressing);
+    }
 
     let running = server.patch(&path, json!({"paused": false})).await.expect(200);
     assert_eq!(running["state"], "running");

@@ -27,7 +27,7 @@ async fn changes_are_acknowledged_in_order(backend: BackendChoice) {
         json!({"op": "snowfall", "depth": 0.5}),
         json!({"op": "clearing", "depth": 0.2}),
         json!({"op": "air_temperature", "celsius": -10}),
-        json!({"op": "set", "time_scale": 2}),
+        json!({"op": "set", "time_scale": 2, "pressing": 0.5}),
         json!({"op": "collider.put", "collider": object("a", 0.5)}),
         json!({"op": "colliders.batch", "put": [object("b", 0.7), object("c", 0.9)]}),
         json!({"op": "collider.delete", "collider": "b"}),
@@ -72,6 +72,7 @@ async fn changes_are_acknowledged_in_order(backend: BackendChoice) {
     let view = server.get(&session).await.expect(200);
     assert!(view["seq"].as_u64() >= answers[6]["seq"].as_u64());
     assert_eq!((&view["air_temperature"], &view["time_scale"]), (&json!(-10.0), &json!(2.0)));
+    assert_eq!(view["pressing"], 0.5);
     let colliders = server.get(&format!("{session}/colliders")).await.expect(200);
     let left: Vec<_> = colliders["items"].as_array().unwrap().iter().map(|c| &c["id"]).collect();
     assert_eq!(left, ["a", "c"]);

@@ -66,10 +66,10 @@ test("the dialog shows what a preset fills in, and the server fills in the same"
     await dialog.getByLabel("Begin paused").check();
     await press(page, "Create");
     await live(page);
-    const { material, air_temperature } = await firn.session(preset).get();
-    const { name: _, air_temperature: shown, ...values } = snow;
+    const { material, air_temperature, pressing } = await firn.session(preset).get();
+    const { name: _, air_temperature: shown, pressing: way, ...values } = snow;
     assert.deepEqual({ ...material, ...values }, material);
-    assert.equal(air_temperature, shown);
+    assert.deepEqual([air_temperature, pressing], [shown, way]);
     await page.getByRole("link", { name: "Firn" }).click();
     await page.getByRole("button", { name: "New session" }).waitFor();
     await firn.session(preset).delete();

@@ -159,7 +159,7 @@ impl HeightField {
 
 #[cfg(test)]
 mod tests {
-    use firn_protocol::{Settings, Stamp};
+    use firn_protocol::{Pressing, Settings, Stamp};
 
     use super::*;
 
@@ -170,6 +170,7 @@ mod tests {
             tick_rate: 60.0,
             paused: true,
             snowfall_rate: 0.0,
+            pressing: Pressing::default(),
             idle_timeout_s: None,
             delete_after_s: None,
         };

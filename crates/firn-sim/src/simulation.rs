@@ -14,7 +14,7 @@ use firn::machine::Simulated;
 use firn::session::{Limits, Sessions};
 use firn_protocol::stream::SubProtocol;
 use firn_protocol::{SessionSpec, SnowLayer};
-use firn_snow::Grid;
+use firn_snow::{Grid, Pressing};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 
@@ -224,6 +224,8 @@ fn spec(name: &str, dice: &mut SmallRng) -> SessionSpec {
         initial_snow: vec![SnowLayer::new(metres(dice.random_range(50..800), &grid))],
         snowfall_rate,
         idle_timeout_s: dice.random_bool(0.5).then_some(1.0),
+        pressing: [Pressing::Creep, Pressing::Within(0.0), Pressing::Within(0.25)]
+            [dice.random_range(0..3)],
         ..SessionSpec::default()
     };
     spec.air_temperature = f64::from(-dice.random_range(1..20));

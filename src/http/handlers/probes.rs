@@ -15,7 +15,7 @@ use super::{json, respond};
 /// Probe the snow
 ///
 /// Says how deep loads would sink, each as if it were the only one: by the time the snow has come to
-/// rest, or in a `duration` of simulated time. Nothing is put on the snow. Loads heavy enough to press
+/// rest, or in a `duration` of simulated time, as the session's `pressing` is now. Nothing is put on the snow. Where snow creeps, loads heavy enough to press
 /// snow past its equilibrium in one cycle depend on the length of the cycles; the session's present
 /// `time_scale` and `tick_rate` count. Durations of one request may take 2²⁰ cycles together.
 #[utoipa::path(

@@ -27,7 +27,7 @@ use crate::session::{Change, SNAPSHOT_MEDIA_TYPE, SessionError};
 /// Create a session
 ///
 /// A session owns one snowpack. Every field has a default; an empty body will do. `preset` chooses a kind of
-/// snow; the answer tells the material and the air that have come of it. A body that is a
+/// snow; the answer tells the material, `pressing` and the air that hold. A body that is a
 /// snapshot makes the session what was saved, bit for bit; its name is `?id=` then, or a new one.
 /// It belongs to the tenant whose API key makes it, and counts for its quotas; names are those of all
 /// tenants. The tokens are told here and never again.

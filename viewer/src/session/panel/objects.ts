@@ -5,7 +5,7 @@ import { action, choice, h, numberField } from "../../dom.ts";
 import { decimal, mass as massText, quantity } from "../../format.ts";
 import type { Tool } from "../look.ts";
 import { fitInto } from "../pointer.ts";
-import { type Desk, section } from "./panel.ts";
+import { type Desk, section, setting } from "./panel.ts";
 
 /** More objects than these are not listed. */
 const MOST = 50;
@@ -41,6 +41,7 @@ export function objectsSection(desk: Desk): { element: HTMLElement; place: (x: n
   look.chosen.watch(show);
   const element = section(
     "Objects",
+    pressingFields(desk),
     form.element,
     h("div", { class: "buttons" }, action("Put in the middle", { class: "primary" }, middle, report)),
     viewport ? choice<Tool>("What a click does", tools, look.tool.get(), (tool) => look.tool.set(tool)) : null,
@@ -48,6 +49,21 @@ export function objectsSection(desk: Desk): { element: HTMLElement; place: (x: n
     more,
   );
   return { element, place: (x, z) => void place(x, z).catch(report) };
+}
+
+/** How snow gives way under objects. */
+function pressingFields(desk: Desk): HTMLElement {
+  const { session, view } = desk.model;
+  const [secondsField, seconds] = numberField("Pressed in", "s", { min: 0, max: 10 });
+  const showSeconds = setting(seconds, desk, (pressing) => session.patch({ pressing }));
+  const change = () => session.patch({ pressing: creeps.checked ? "creep" : 0.25 }).catch(desk.report);
+  const creeps = h("input", { type: "checkbox", change: () => void change() });
+  view.watch(({ pressing }) => {
+    creeps.checked = pressing === "creep";
+    secondsField.hidden = creeps.checked;
+    if (typeof pressing === "number") showSeconds(pressing);
+  });
+  return h("div", {}, h("label", { class: "check" }, creeps, "Snow creeps under them"), secondsField);
 }
 
 function shapeForm(): { element: HTMLElement; read: () => { mass: number; shape: Shape } } {
