@@ -63,7 +63,9 @@ async fn a_stream_begins_with_a_welcome(backend: BackendChoice) {
         for field in ["epoch", "tick", "seq", "grid"] {
             assert_eq!(welcome[field], view[field], "{field}");
         }
-        for field in ["air_temperature", "time_scale", "tick_rate", "paused", "snowfall_rate", "pressing"] {
+        for field in
+            ["air_temperature", "time_scale", "tick_rate", "paused", "snowfall_rate", "pressing"]
+        {
             assert_eq!(welcome["settings"][field], view[field], "{field}");
         }
     }
