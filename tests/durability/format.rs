@@ -28,7 +28,7 @@ const TOLD: [(&str, u64, u64, &str, [f64; 2]); 4] = [
 ];
 
 /// Hash of the session whose cells are stored as they were, in the present version of snapshots.
-const ASLEEP: &str = "592405ab015030be270c8a9dfdb5d160a65351c93cc7e0a5824e4e50456de8fc";
+const ASLEEP: &str = "e92baca3779c9b4cb08aa2cac98d32913b200d318a9ba1a6428fa07b62f0a914";
 
 /// A data directory of Firn 0.1.
 fn first_format() -> tempfile::TempDir {

@@ -56,9 +56,10 @@ fn step(dice: &mut SmallRng) -> Step {
             (Method::PUT, "/air-temperature".to_owned(), json!({ "celsius": celsius }))
         }
         9 => {
+            let ways = [json!("creep"), json!(0), json!(0.25), json!(4)];
             let patch = json!({"snowfall_rate": dice.random_range(0.0..4.0),
                 "stiffness_exponent": dice.random_range(3.2..3.8),
-                "pressing": [json!("creep"), json!(0), json!(0.25), json!(4)][dice.random_range(0..4)],
+                "pressing": ways[dice.random_range(0..4)],
                 "time_scale": dice.random_range(0.5..3.0)});
             (Method::PATCH, String::new(), patch)
         }

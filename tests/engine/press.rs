@@ -133,7 +133,7 @@ fn compare_case(backend: &mut dyn Backend, case: &Case) -> f64 {
     }
     if *pressing != Pressing::Creep {
         let rest = before.equilibrium(&GRID, material, *load, true, DT as f32);
-        while press(backend, *pressing, cycles(1000), false).last_change == 1000 {}
+        while press(backend, *pressing, cycles(60), false).last_change == 60 {}
         let outcome = press(backend, *pressing, cycles(10), false);
         assert_eq!((outcome.last_change, outcome.active_tiles), (0, 0), "it rests");
         let difference = sunk(&before, &column(backend)) - sunk(&before, &rest);

@@ -10,6 +10,7 @@ on_each_backend!(
     probes_foretell_how_deep_colliders_sink,
     a_probe_leaves_other_objects_and_the_snow_alone,
     a_probe_of_a_duration_foretells_what_a_collider_does_in_it,
+    where_snow_is_pressed_a_foot_is_down_at_once_and_as_deep_as_foretold,
     snow_carries_up_to_its_hardness,
     bad_probes_are_refused_by_name,
 );
@@ -114,6 +115,63 @@ async fn a_probe_of_a_duration_foretells_what_a_collider_does_in_it(backend: Bac
                 assert_eq!(reached > 0.0, duration > 0.0, "{i}: {reached} m");
             }
         }
+    }
+    server.stop().await;
+}
+
+async fn where_snow_is_pressed_a_foot_is_down_at_once_and_as_deep_as_foretold(
+    backend: BackendChoice,
+) {
+    let server = Server::start(backend).await;
+    let grid = json!({"width": 8, "depth": 8, "height": 20, "cell_size": 0.2});
+    let game =
+        json!({"preset": "game", "grid": grid, "paused": true, "initial_snow": [{"depth": 1}]});
+    let creeping = |mut body: Value| {
+        body["pressing"] = json!("creep");
+        body
+    };
+    for (body, patched) in [(game.clone(), false), (creeping(game), true)] {
+        let session = server.create(body).await;
+        settle(&server, &session).await;
+        let shape = json!({"type": "box", "width": 0.2, "depth": 0.15});
+        let foot = json!({"mass": 80, "position": {"x": 0.7, "z": 0.7}, "shape": shape});
+        let at = json!({"x": 0.7, "z": 0.7, "mass": 80, "area": 0.03});
+        let depth = async || {
+            let body = json!({"points": [[0.7, 0.7]], "fields": ["depth"]});
+            let told = server.post(&format!("{session}/samples"), body).await.expect(200);
+            numbers(&told["fields"]["depth"])[0]
+        };
+        if patched {
+            // It stands there and creeps, and is pressed from then on.
+            server.post(&format!("{session}/colliders"), foot.clone()).await.expect(201);
+            server.step(&session, 24).await;
+            let crept = probe(&server, &session, json!([at])).await;
+            server.patch(&session, json!({"pressing": 0.25})).await.expect(200);
+            let pressed = probe(&server, &session, json!([at])).await;
+            for foretold in [crept, pressed] {
+                assert!(sink_depth(&foretold["probes"][0]) > 0.1, "it has hardly begun");
+            }
+        }
+        let before = depth().await;
+        let mut probes = Vec::new();
+        for duration in [json!(0.1), json!(0.4), json!(2), json!(null)] {
+            let mut probe = at.clone();
+            probe["duration"] = duration;
+            probes.push(probe);
+        }
+        let foretold = probe(&server, &session, json!(probes)).await;
+        if !patched {
+            server.post(&format!("{session}/colliders"), foot).await.expect(201);
+        }
+        for (i, ticks) in [6, 18, 96, 1].into_iter().enumerate() {
+            server.step(&session, ticks).await;
+            let (foretold, reached) = (sink_depth(&foretold["probes"][i]), before - depth().await);
+            assert!((foretold - reached).abs() < 0.005, "{i}: {foretold} is not {reached} m");
+        }
+        let view = server.get(&session).await.expect(200);
+        assert_eq!((&view["settled"], &view["summary"]["active_tiles"]), (&json!(true), &json!(0)));
+        let collider = server.get(&format!("{session}/colliders")).await.expect(200);
+        assert_eq!(collider["items"][0]["resting"], true);
     }
     server.stop().await;
 }

@@ -2,7 +2,7 @@
 
 use firn_snow::{
     CELL, Column, Footprint, GRAVITY, Grid, HardnessLaw, LoadDistribution, MASS_QUANTA, Material,
-    Position, Shape, Snowpack, SurfaceLoad, Turn,
+    Position, Pressing, Shape, Snowpack, SurfaceLoad, Turn,
 };
 use proptest::prelude::*;
 
@@ -77,11 +77,13 @@ proptest! {
         cell_size in prop::sample::select(vec![0.1, 0.2, 0.4]),
         cycle in 0..3_usize,
         settled in any::<bool>(),
+        seconds in prop::option::of(0.0..10.0),
         side in 0.1..1.0,
         magnitude in 1.0..5.0_f64,
     ) {
         let (grid, dt) = (grid(cell_size), CYCLES[cycle]);
         let mut snowpack = snowpack(grid, material, &layers);
+        snowpack.set_pressing(seconds.map_or(Pressing::Creep, Pressing::Within));
         if settled {
             settle(&mut snowpack, dt);
         }
@@ -96,7 +98,8 @@ proptest! {
         let pressure = (mass * GRAVITY / footprint.area) as f32;
         let load = SurfaceLoad { pressure, width: footprint.area.sqrt() as f32 };
         let before = snowpack.column(x, z).clone();
-        let foretold = before.equilibrium(&grid, &material, load, false, dt as f32);
+        let presses = seconds.is_some();
+        let foretold = before.equilibrium(&grid, &material, load, presses, dt as f32);
 
         snowpack.put_collider("plate".into(), mass, vec![footprint], true);
         snowpack.evaluate();

@@ -733,10 +733,12 @@ export interface components {
             z: number;
         };
         /**
-         * @description A kind of snow: a material, and the air that it fell from. `docs/model.md` has all values and their sources.
+         * @description A kind of snow: a material, how it gives way under objects, and the air that it fell from. `docs/model.md` has all values and their sources.
          * @enum {string}
          */
         Preset: "thesis" | "powder" | "packed" | "wet" | "game";
+        /** @description How snow gives way under objects: it creeps as under its own weight, or is pressed to where it carries them, a full cell by its whole thickness in so many simulated seconds; at once for 0. */
+        Pressing: "creep" | number;
         /** @description A load on level snow. */
         Probe: {
             /** @description Where it stands along x [m], inside the grid. */
@@ -911,7 +913,7 @@ export interface components {
         Seq: number;
         /** @description Body of `POST /v1/sessions`; every field is optional. */
         SessionSpec: {
-            /** @description Kind of snow: fills what `material` and `air_temperature` leave out. */
+            /** @description Kind of snow: fills what `material`, `air_temperature` and `pressing` leave out. */
             preset?: components["schemas"]["Preset"];
             /** @description Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none. */
             id?: string | null;
@@ -929,6 +931,8 @@ export interface components {
             paused?: boolean;
             /** @description Continuous snowfall [m/h]. */
             snowfall_rate?: number;
+            /** @description How snow gives way under objects; the preset's way where nothing is said. */
+            pressing?: components["schemas"]["Pressing"];
             /** @description Seconds without request or stream after which the session hibernates. */
             idle_timeout_s?: number | null;
             /** @description Seconds without request or stream after which the session is deleted. */
@@ -987,6 +991,7 @@ export interface components {
             tick_rate?: number | null;
             snowfall_rate?: number | null;
             stiffness_exponent?: number | null;
+            pressing?: components["schemas"]["Pressing"] | null;
             idle_timeout_s?: number | null;
             delete_after_s?: number | null;
         };
@@ -1002,6 +1007,8 @@ export interface components {
             paused: boolean;
             /** @description Continuous snowfall [m/h]. */
             snowfall_rate: number;
+            /** @description How snow gives way under objects. */
+            pressing: components["schemas"]["Pressing"];
             /** @description Seconds without request or stream after which the session hibernates. */
             idle_timeout_s: number | null;
             /** @description Seconds without request or stream after which the session is deleted. */
@@ -1030,6 +1037,7 @@ export interface components {
             snowfall_rate?: number | null;
             /** @description Exponent n of the stiffness law. */
             stiffness_exponent?: number | null;
+            pressing?: components["schemas"]["Pressing"] | null;
             /** @description Seconds without request or stream after which the session hibernates, `null` for never. */
             idle_timeout_s?: number | null;
             /** @description Seconds without request or stream after which the session is deleted; `null` for never. */
@@ -1445,6 +1453,7 @@ export type PlainEvent = components['schemas']['PlainEvent'];
 export type PongMessage = components['schemas']['PongMessage'];
 export type Position = components['schemas']['Position'];
 export type Preset = components['schemas']['Preset'];
+export type Pressing = components['schemas']['Pressing'];
 export type Probe = components['schemas']['Probe'];
 export type ProbeBatch = components['schemas']['ProbeBatch'];
 export type ProbeReply = components['schemas']['ProbeReply'];

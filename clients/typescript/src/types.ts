@@ -31,6 +31,7 @@ export type {
   ListSessionsQuery as PageQuery,
   Position,
   Preset,
+  Pressing,
   ProbeView as Probe,
   Probe as ProbeSpec,
   Problem,

@@ -803,6 +803,9 @@ class Position(TypedDict):
 Preset: TypeAlias = Literal["thesis", "powder", "packed", "wet", "game"]
 
 
+Pressing: TypeAlias = Literal["creep"] | float
+
+
 class Probe(TypedDict):
     """A load on level snow."""
 
@@ -1034,7 +1037,7 @@ class SessionSpec(TypedDict):
     """Body of `POST /v1/sessions`; every field is optional."""
 
     preset: NotRequired[Preset]
-    """Kind of snow: fills what `material` and `air_temperature` leave out."""
+    """Kind of snow: fills what `material`, `air_temperature` and `pressing` leave out."""
 
     id: NotRequired[str | None]
     """Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none."""
@@ -1060,6 +1063,9 @@ class SessionSpec(TypedDict):
     snowfall_rate: NotRequired[float]
     """Continuous snowfall [m/h]."""
 
+    pressing: NotRequired[Pressing]
+    """How snow gives way under objects; the preset's way where nothing is said."""
+
     idle_timeout_s: NotRequired[float | None]
     """Seconds without request or stream after which the session hibernates."""
 
@@ -1083,6 +1089,7 @@ class SetMessage(TypedDict):
     tick_rate: NotRequired[float | None]
     snowfall_rate: NotRequired[float | None]
     stiffness_exponent: NotRequired[float | None]
+    pressing: NotRequired[Pressing | None]
     idle_timeout_s: NotRequired[float | None]
     delete_after_s: NotRequired[float | None]
 
@@ -1104,6 +1111,9 @@ class Settings(TypedDict):
 
     snowfall_rate: float
     """Continuous snowfall [m/h]."""
+
+    pressing: Pressing
+    """How snow gives way under objects."""
 
     idle_timeout_s: float | None
     """Seconds without request or stream after which the session hibernates."""
@@ -1207,6 +1217,7 @@ class SettingsPatch(TypedDict):
     stiffness_exponent: NotRequired[float | None]
     """Exponent n of the stiffness law."""
 
+    pressing: NotRequired[Pressing | None]
     idle_timeout_s: NotRequired[float | None]
     """Seconds without request or stream after which the session hibernates, `null` for never."""
 
