@@ -20,6 +20,7 @@ export interface components {
             cleared_mass?: number;
             celsius?: number;
             collider?: components["schemas"]["ColliderView"];
+            results?: components["schemas"]["BatchResults"];
             probes?: components["schemas"]["ProbeView"][];
             fields?: components["schemas"]["SampleFields"];
         };
@@ -248,14 +249,16 @@ export interface components {
             /** @description Whether its bottom and contact stayed as they were over the last cycle. */
             resting: boolean;
         };
-        /** @description Puts and removes up to 4096 colliders in one frame, all or none. */
+        /** @description Puts and removes up to 4096 colliders in one frame, as POST …/colliders:batch. */
         CollidersBatchMessage: {
             /** @constant */
             op: "colliders.batch";
             id: components["schemas"]["Id"];
             /** @description Colliders to create or replace; each needs an id. */
             put?: components["schemas"]["ColliderSpec"][];
+            /** @description Ids of colliders to remove. One that is not there is no error. */
             delete?: string[];
+            on_error?: components["schemas"]["OnError"];
         };
         /**
          * @description A rectangle of columns. Widened to whole tiles and clipped to the grid, which it has to

@@ -17,6 +17,7 @@ class AckMessage(TypedDict):
     cleared_mass: NotRequired[float]
     celsius: NotRequired[float]
     collider: NotRequired[ColliderView]
+    results: NotRequired[BatchResults]
     probes: NotRequired[list[ProbeView]]
     fields: NotRequired[SampleFields]
 
@@ -267,7 +268,7 @@ class ColliderView(Body):
 
 
 class CollidersBatchMessage(TypedDict):
-    """Puts and removes up to 4096 colliders in one frame, all or none."""
+    """Puts and removes up to 4096 colliders in one frame, as POST …/colliders:batch."""
 
     op: Literal["colliders.batch"]
     id: Id
@@ -275,6 +276,9 @@ class CollidersBatchMessage(TypedDict):
     """Colliders to create or replace; each needs an id."""
 
     delete: NotRequired[list[str]]
+    """Ids of colliders to remove. One that is not there is no error."""
+
+    on_error: NotRequired[OnError]
 
 
 class ColumnRegion(TypedDict):
