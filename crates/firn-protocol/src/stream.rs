@@ -192,7 +192,7 @@ pub enum Command {
         /// The object's id.
         collider: String,
     },
-    /// Puts and removes objects in one frame, all or none.
+    /// Puts and removes objects in one frame: all or none, or those that are not in error.
     #[serde(rename = "colliders.batch")]
     Colliders {
         /// A number for the answer.
