@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from firn import Client, ProblemError
-from firn.types import Load
+from firn.types import Box, Capsule, ColliderSpec, FootprintSpec, Load
 
 GRID = {"width": 16, "depth": 12, "height": 30, "cell_size": 0.2}
 
@@ -47,6 +47,40 @@ def test_a_sessions_life(client: Client) -> None:
     with pytest.raises(ProblemError, match="life") as gone:
         session.get()
     assert gone.value.status == 404
+
+
+def test_objects_of_any_shape(client: Client) -> None:
+    session = client.create_session(paused=True, grid=GRID, initial_snow=[{"depth": 2}])
+    foot: Capsule = {"type": "capsule", "length": 0.3, "radius": 0.06}
+    feet: list[FootprintSpec] = [
+        {"shape": foot, "offset": {"x": -0.12, "z": 0}},
+        {"shape": foot, "offset": {"x": 0.12, "z": 0}, "heading": 10},
+    ]
+    walker: ColliderSpec = {"id": "walker", "mass": 80, "footprints": feet, "position": {"x": 1, "z": 1}, "heading": 90}
+    put = session.put_collider(walker)
+    assert put.get("shape") is None and [foot["heading"] for foot in put["footprints"]] == [0, 10]
+    assert put["heading"] == 90 and put["pressure"] * put["contact_area"] == pytest.approx(80 * 9.81)
+    ledge: Box = {"type": "box", "width": 1, "depth": 1}
+    over = session.put_collider({"id": "over", "mass": 10, "shape": ledge, "position": {"x": 0, "z": 1}})
+    assert over["contact_area"] == pytest.approx(1)
+
+    jump: ColliderSpec = {**walker, "airborne": True}
+    lost: ColliderSpec = {"id": "lost", "mass": 1, "shape": ledge, "position": {"x": 99, "z": 1}}
+    with pytest.raises(ProblemError, match="/put/1/position"):
+        session.batch_colliders([jump, lost])
+    results = session.batch_colliders([jump, lost], ["over", "nobody"], on_error="skip").get("results")
+    assert results is not None
+    assert [(result["id"], result["result"]) for result in results["put"] + results["delete"]] == [
+        ("walker", "replaced"),
+        ("lost", "skipped"),
+        ("over", "removed"),
+        ("nobody", "absent"),
+    ]
+    assert [error["pointer"] for error in results["put"][1]["errors"]] == ["/put/1/position"]
+    (held,) = session.colliders()
+    assert held["airborne"] and (held["contact_area"], held["pressure"]) == (0, 0)
+    assert "results" not in session.batch_colliders(delete=["walker"])
+    session.delete()
 
 
 def test_long_answers_come_compressed(client: Client) -> None:

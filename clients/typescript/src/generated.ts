@@ -20,6 +20,7 @@ export interface components {
             cleared_mass?: number;
             celsius?: number;
             collider?: components["schemas"]["ColliderView"];
+            results?: components["schemas"]["BatchResults"];
             probes?: components["schemas"]["ProbeView"][];
             fields?: components["schemas"]["SampleFields"];
         };
@@ -58,7 +59,7 @@ export interface components {
         BatchOutcome: "created" | "replaced" | "removed" | "absent" | "skipped";
         /** @description Answer to a batch of colliders. */
         BatchReply: components["schemas"]["Stamp"] & {
-            results: components["schemas"]["BatchResults"] | null;
+            results?: components["schemas"]["BatchResults"] | null;
         };
         /** @description What was done of one entry of a batch. */
         BatchResult: {
@@ -67,7 +68,7 @@ export interface components {
             /** @description What was done. */
             result: components["schemas"]["BatchOutcome"];
             /** @description Why it was skipped: what is wrong, each with where in the batch. */
-            errors: components["schemas"]["FieldError"][];
+            errors?: components["schemas"]["FieldError"][];
         };
         /** @description What was done of a batch, entry by entry. */
         BatchResults: {
@@ -75,6 +76,20 @@ export interface components {
             put: components["schemas"]["BatchResult"][];
             /** @description One for each entry of `delete`, in their order. */
             delete: components["schemas"]["BatchResult"][];
+        };
+        /** @description A rigid, level object that stands on the snow. */
+        Body: {
+            /** @description Mass [kg]. */
+            mass: number;
+            shape?: components["schemas"]["Shape"] | null;
+            /** @description The outlines on which it stands, where it is not one `shape`. */
+            footprints?: components["schemas"]["Part"][];
+            /** @description Where its centre is [m]. */
+            position: components["schemas"]["Position"];
+            /** @description Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east). */
+            heading: number;
+            /** @description Whether it is held up: then it presses nothing. */
+            airborne: boolean;
         };
         /** @description A cell of the fixed grid. */
         CellOrigin: {
@@ -176,7 +191,7 @@ export interface components {
             mass?: number | null;
             shape?: components["schemas"]["Shape"] | null;
             /** @description Outlines that it stands on, in place of what it stood on. */
-            footprints?: components["schemas"]["Part"][] | null;
+            footprints?: components["schemas"]["PartSpec"][] | null;
             position?: components["schemas"]["Position"] | null;
             /** @description Compass bearing of its front [°]. */
             heading?: number | null;
@@ -208,7 +223,7 @@ export interface components {
              * @description Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
              *     rigid body; its weight is shared by the contact of each.
              */
-            footprints?: components["schemas"]["Part"][] | null;
+            footprints?: components["schemas"]["PartSpec"][] | null;
             /** @description Where its centre is [m]. */
             position: components["schemas"]["Position"];
             /** @description Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east). */
@@ -217,7 +232,7 @@ export interface components {
             airborne?: boolean;
         };
         /** @description An object on the snow and how it stands there. */
-        ColliderView: Record<string, never> & {
+        ColliderView: components["schemas"]["Body"] & {
             /** @description Its name. */
             id: string;
             /** @description Elevation of its bottom [m]. */
@@ -234,14 +249,16 @@ export interface components {
             /** @description Whether its bottom and contact stayed as they were over the last cycle. */
             resting: boolean;
         };
-        /** @description Puts and removes up to 4096 colliders in one frame, all or none. */
+        /** @description Puts and removes up to 4096 colliders in one frame, as POST …/colliders:batch. */
         CollidersBatchMessage: {
             /** @constant */
             op: "colliders.batch";
             id: components["schemas"]["Id"];
             /** @description Colliders to create or replace; each needs an id. */
             put?: components["schemas"]["ColliderSpec"][];
+            /** @description Ids of colliders to remove. One that is not there is no error. */
             delete?: string[];
+            on_error?: components["schemas"]["OnError"];
         };
         /**
          * @description A rectangle of columns. Widened to whole tiles and clipped to the grid, which it has to
@@ -697,6 +714,15 @@ export interface components {
         };
         /** @description One of several outlines on which an object stands: a foot, or a wheel. */
         Part: {
+            /** @description Its outline from above. */
+            shape: components["schemas"]["Shape"];
+            /** @description Where its centre is, seen from the object's [m]: x to the object's right, z forward. */
+            offset: components["schemas"]["Position"];
+            /** @description How far it is turned against the object [°], clockwise from above. */
+            heading: number;
+        };
+        /** @description One of several outlines on which an object stands: a foot, or a wheel. */
+        PartSpec: {
             /** @description Its outline from above. */
             shape: components["schemas"]["Shape"];
             /** @description Where its centre is, seen from the object's [m]: x to the object's right, z forward. */
@@ -1389,6 +1415,7 @@ export type BatchOutcome = components['schemas']['BatchOutcome'];
 export type BatchReply = components['schemas']['BatchReply'];
 export type BatchResult = components['schemas']['BatchResult'];
 export type BatchResults = components['schemas']['BatchResults'];
+export type Body = components['schemas']['Body'];
 export type CellOrigin = components['schemas']['CellOrigin'];
 export type CellsView = components['schemas']['CellsView'];
 export type CheckpointList = components['schemas']['CheckpointList'];
@@ -1448,6 +1475,7 @@ export type Origin = components['schemas']['Origin'];
 export type Page_ColliderView = components['schemas']['Page_ColliderView'];
 export type Page_SessionView = components['schemas']['Page_SessionView'];
 export type Part = components['schemas']['Part'];
+export type PartSpec = components['schemas']['PartSpec'];
 export type PingMessage = components['schemas']['PingMessage'];
 export type PlainEvent = components['schemas']['PlainEvent'];
 export type PongMessage = components['schemas']['PongMessage'];

@@ -4,6 +4,7 @@ import type { GetCellsQuery } from "./generated.ts";
 import { type Access, ask, ProblemError, type Request, send } from "./http.ts";
 import { Stream, type StreamOptions } from "./stream.ts";
 import type {
+  BatchReply,
   Cells,
   Checkpoint,
   CheckpointList,
@@ -171,8 +172,11 @@ export class Session {
     await send(this.access, this.path(`/colliders/${encodeURIComponent(id)}`), { method: "DELETE" });
   }
 
-  /** Puts and removes many objects in one frame, all or none. */
-  batchColliders(batch: ColliderBatch): Promise<Stamp> {
+  /**
+   * Puts and removes many objects in one frame: all or none, or with `on_error: "skip"` those without error. It then has
+   * `results`, one for each.
+   */
+  batchColliders(batch: ColliderBatch): Promise<BatchReply> {
     return this.call("/colliders:batch", { method: "POST", body: batch });
   }
 

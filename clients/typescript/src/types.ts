@@ -3,6 +3,10 @@
 // The shapes are generated from the published contract; this gives them the names that the client uses.
 
 export type {
+  BatchOutcome,
+  BatchReply,
+  BatchResult,
+  BatchResults,
   CellsView as Cells,
   CheckpointView as Checkpoint,
   CheckpointList,
@@ -18,6 +22,8 @@ export type {
   DepthWatch,
   EventKind,
   EventsWanted,
+  Part as Footprint,
+  PartSpec as FootprintSpec,
   Grid,
   GridSpec,
   GetHeightsQuery as HeightsQuery,
@@ -28,6 +34,7 @@ export type {
   MaterialSpec,
   Load,
   MemoryBytes,
+  OnError,
   ListSessionsQuery as PageQuery,
   Position,
   Preset,

@@ -3,7 +3,16 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { type Change, DisconnectedError, Firn, HeightField, ProblemError, type StreamEvent, type StreamState } from "../src/index.ts";
+import {
+  type Change,
+  type ColliderSpec,
+  DisconnectedError,
+  Firn,
+  HeightField,
+  ProblemError,
+  type StreamEvent,
+  type StreamState,
+} from "../src/index.ts";
 import { openLine } from "./line.ts";
 import { type Server, startServer } from "./server.ts";
 
@@ -122,6 +131,41 @@ test("a refusal names the field", async () => {
     return true;
   });
   await assert.rejects(firn.session("nobody").get(), { status: 404 });
+});
+
+test("objects of any shape, and batches that skip errors", async () => {
+  const grid = { width: 16, depth: 12, height: 30 };
+  await firn.createSession({ id: "shapes", paused: true, grid, initial_snow: [{ depth: 2 }] });
+  const session = firn.session("shapes");
+  const shape = { type: "wheel", width: 0.2, radius: 0.3 } as const;
+  const cart: ColliderSpec = {
+    id: "cart",
+    mass: 60,
+    footprints: [
+      { shape, offset: { x: -0.5, z: 0 } },
+      { shape, offset: { x: 0.5, z: 0 } },
+    ],
+    position: { x: 1, z: 1 },
+    heading: 45,
+  };
+  const put = await session.putCollider(cart);
+  assert.ok(!put.shape && put.footprints?.length === 2 && put.heading === 45);
+  assert.ok(Math.abs(put.pressure * put.contact_area - 60 * 9.81) < 1e-3);
+
+  const lost: ColliderSpec = { id: "lost", mass: 1, shape, position: { x: 99, z: 1 } };
+  const batch = { put: [{ ...cart, airborne: true }, lost], delete: ["nobody"] };
+  await assert.rejects(session.batchColliders(batch), { status: 422 });
+  const { results } = await session.batchColliders({ ...batch, on_error: "skip" });
+  assert.deepEqual(
+    results?.put.map(({ id, result, errors }) => [id, result, errors?.[0]?.pointer]),
+    [
+      ["cart", "replaced", undefined],
+      ["lost", "skipped", "/put/1/position"],
+    ],
+  );
+  assert.deepEqual(results?.delete, [{ id: "nobody", result: "absent" }]);
+  const { airborne, contact_area, pressure } = await session.collider("cart");
+  assert.deepEqual([airborne, contact_area, pressure], [true, 0, 0]);
 });
 
 test("a subscription holds the heights that REST tells", async (t) => {

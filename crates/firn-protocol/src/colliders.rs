@@ -1,6 +1,7 @@
 //! Objects that stand on the snow.
 
-use firn_snow::{Object, Part, Position, Shape};
+// In the contract a type by the name of Object would be any object at all.
+use firn_snow::{Object as Body, Part, Position, Shape};
 use serde::{Deserialize, Serialize};
 
 use crate::problem::FieldError;
@@ -40,8 +41,8 @@ pub struct ColliderSpec {
 
 impl ColliderSpec {
     /// The object without its name.
-    pub fn object(&self) -> Object {
-        Object {
+    pub fn object(&self) -> Body {
+        Body {
             mass: self.mass,
             shape: self.shape.clone(),
             footprints: self.footprints.clone().unwrap_or_default(),
@@ -76,7 +77,7 @@ pub struct ColliderPatch {
 
 impl ColliderPatch {
     /// What becomes of an object.
-    pub fn apply(self, old: &Object) -> ColliderSpec {
+    pub fn apply(self, old: &Body) -> ColliderSpec {
         let outline = match (self.shape, self.footprints) {
             (None, None) => {
                 (old.shape.clone(), Some(old.footprints.clone()).filter(|it| !it.is_empty()))
@@ -180,7 +181,7 @@ pub struct ColliderView {
     pub id: String,
     /// What it is, and where it stands.
     #[serde(flatten)]
-    pub object: Object,
+    pub object: Body,
     /// Elevation of its bottom \[m\].
     pub bottom: f64,
     /// How far its bottom is below the highest of its columns at the time it was placed or last

@@ -200,7 +200,7 @@ pub enum Command {
         #[serde(flatten)]
         batch: StampBatch,
     },
-    /// Puts and removes objects in one frame: all or none, or those without an error.
+    /// Puts and removes objects in one frame: all or none, or those that are not in error.
     #[serde(rename = "colliders.batch")]
     Colliders {
         /// A number for the answer.

@@ -38,7 +38,7 @@ pub struct Part {
 /// A rigid, level object that stands on the snow.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = Body))]
 pub struct Object {
     /// Mass \[kg\].
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1e9))]

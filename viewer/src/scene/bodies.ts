@@ -1,8 +1,11 @@
-// The objects on the snow. They have no height of their own: they are drawn half as high as they are wide.
+// The objects on the snow. One that is held up hovers.
 
 import type { Collider } from "firn-client";
-import { BoxGeometry, CylinderGeometry, DataTexture, Group } from "three";
+import { DataTexture, Group } from "three";
 import type { Plane } from "./cubes.ts";
+import { type Form, geometryOf, solidsOf } from "./forms.ts";
+import { boundsOf, heightOf, type Outline, outlinesOf, toOwn, turnOf } from "./outline.ts";
+import { meetBox, type Ray } from "./ray.ts";
 import type { Blocker } from "./relief.ts";
 import { type Solid, Solids } from "./solids.ts";
 
@@ -10,15 +13,12 @@ import { type Solid, Solids } from "./solids.ts";
 const EASE = 45;
 /** Closer than this [m] it is there. */
 const NEAR = 0.001;
-
-/** Extent of a body along x, y and z [m]. */
-export function extentOf({ shape }: Pick<Collider, "shape">): [number, number, number] {
-  const [width, depth] = shape.type === "box" ? [shape.width, shape.depth] : [2 * shape.radius, 2 * shape.radius];
-  return [width, Math.max(0.15, Math.min(width, depth) / 2), depth];
-}
+/** So far above the snow is drawn what is held up [m]. */
+const HOVER = 0.4;
 
 interface Body {
   collider: Collider;
+  outlines: Outline[];
   /** Where it is drawn: middle along x and z, and its bottom [m]. */
   at: [number, number, number];
 }
@@ -26,19 +26,15 @@ interface Body {
 /** All bodies. */
 export class Bodies {
   readonly group = new Group();
-  private readonly boxes = new Solids(new BoxGeometry(1, 1, 1), false);
-  private readonly disks = new Solids(new CylinderGeometry(0.5, 0.5, 1, 40), false);
+  private readonly forms = new Map<Form, Solids>();
+  private readonly map = new DataTexture(new Uint8Array([178, 102, 68, 255, 236, 168, 66, 255]), 2, 1);
   private bodies = new Map<string, Body>();
   private base = 0;
   private chosen: string | null = null;
   private plane: Plane | null = null;
 
   constructor() {
-    const map = new DataTexture(new Uint8Array([178, 102, 68, 255, 236, 168, 66, 255]), 2, 1);
-    map.needsUpdate = true;
-    this.boxes.map = map;
-    this.disks.map = map;
-    this.group.add(this.boxes.mesh, this.disks.mesh);
+    this.map.needsUpdate = true;
   }
 
   /** Has an elevation [m] drawn at 0. */
@@ -51,9 +47,11 @@ export class Bodies {
   /** Takes over the objects as they are now. */
   update(colliders: readonly Collider[]): void {
     const before = this.bodies;
-    this.bodies = new Map(
-      colliders.map((collider) => [collider.id, { collider, at: before.get(collider.id)?.at ?? this.goal(collider) }]),
-    );
+    this.bodies = new Map();
+    for (const collider of colliders) {
+      const at = before.get(collider.id)?.at ?? this.goal(collider);
+      this.bodies.set(collider.id, { collider, outlines: outlinesOf(collider), at });
+    }
     this.draw();
   }
 
@@ -88,23 +86,34 @@ export class Bodies {
 
   /** What they keep the light from. */
   blockers(): Blocker[] {
-    return [...this.bodies.values()].map(({ collider, at: [x, bottom, z] }) => {
-      const [width, height, depth] = extentOf(collider);
-      return { x0: x - width / 2, x1: x + width / 2, z0: z - depth / 2, z1: z + depth / 2, top: bottom + height };
-    });
+    return [...this.bodies.values()].flatMap(({ outlines, at: [x, bottom, z] }) =>
+      outlines.map((outline) => ({
+        x: x + outline.x,
+        z: z + outline.z,
+        turn: outline.turn,
+        shape: outline.shape,
+        top: bottom + heightOf(outline.shape),
+      })),
+    );
   }
 
-  /** Those that are shown, as they are drawn: the lowest and the highest corner of each. */
-  *boxesAround(): Generator<{ collider: Collider; low: number[]; high: number[] }> {
-    for (const { collider, at } of this.shown()) {
-      const [width, height, depth] = extentOf(collider);
-      const [x, y, z] = at;
-      yield {
-        collider,
-        low: [x - width / 2, y, z - depth / 2],
-        high: [x + width / 2, y + height, z + depth / 2],
-      };
+  /** The one that a ray meets first, of those that are shown. What is between its footprints is part of it. */
+  meet({ origin, direction }: Ray): { id: string; distance: number } | null {
+    let first: { id: string; distance: number } | null = null;
+    for (const { collider, outlines, at } of this.shown()) {
+      // As seen along its own axes.
+      const turn = turnOf(collider.heading);
+      const [x, z] = toOwn(turn, origin[0] - at[0], origin[2] - at[2]);
+      const [dx, dz] = toOwn(turn, direction[0], direction[2]);
+      const { x0, z0, x1, z1 } = boundsOf(collider);
+      const top = at[1] + Math.max(...outlines.map(({ shape }) => heightOf(shape)));
+      const ray: Ray = { origin: [x, origin[1], z], direction: [dx, direction[1], dz] };
+      const distance = meetBox(ray, [x0, at[1], z0], [x1, top, z1]);
+      if (distance !== null && distance < (first?.distance ?? Number.POSITIVE_INFINITY)) {
+        first = { id: collider.id, distance };
+      }
     }
+    return first;
   }
 
   private *shown(): Generator<Body> {
@@ -112,19 +121,35 @@ export class Bodies {
     for (const body of this.bodies.values()) if (!plane || (body.at[plane.axis] as number) < plane.place) yield body;
   }
 
-  private goal({ position, bottom }: Collider): [number, number, number] {
-    return [position.x, bottom - this.base, position.z];
+  private goal({ position, bottom, airborne }: Collider): [number, number, number] {
+    return [position.x, bottom - this.base + (airborne ? HOVER : 0), position.z];
   }
 
   private draw(): void {
-    const [boxes, disks]: [Solid[], Solid[]] = [[], []];
-    for (const { collider, at } of this.shown()) {
-      const extent = extentOf(collider);
-      const centre = [at[0], at[1] + extent[1] / 2, at[2]] as const;
-      const solids = collider.shape.type === "box" ? boxes : disks;
-      solids.push({ centre, extent, value: collider.id === this.chosen ? 1 : 0 });
+    const drawn = new Map<Form, Solid[]>();
+    for (const { collider, outlines, at } of this.shown()) {
+      const value = collider.id === this.chosen ? 1 : 0;
+      for (const outline of outlines) {
+        for (const [form, solid] of solidsOf(outline, at, value)) {
+          const solids = drawn.get(form);
+          if (solids) solids.push(solid);
+          else drawn.set(form, [solid]);
+        }
+      }
     }
-    this.boxes.show(boxes);
-    this.disks.show(disks);
+    for (const [form, solids] of this.forms) {
+      if (drawn.has(form)) continue;
+      solids.dispose();
+      this.forms.delete(form);
+    }
+    for (const [form, solids] of drawn) (this.forms.get(form) ?? this.begin(form)).show(solids);
+  }
+
+  private begin(form: Form): Solids {
+    const solids = new Solids(geometryOf(form), false);
+    solids.map = this.map;
+    this.forms.set(form, solids);
+    this.group.add(solids.mesh);
+    return solids;
   }
 }

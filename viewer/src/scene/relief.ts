@@ -1,14 +1,15 @@
 // Heights on a grid of vertices, with what light makes of them. Plain arrays, no graphics.
 
-import type { HeightField } from "firn-client";
+import type { HeightField, Shape } from "firn-client";
 import { toSun } from "./light.ts";
+import { covers, extentOf, type Turn, toOwn } from "./outline.ts";
 
-/** Something that throws a shadow: from above a rectangle [m], and the elevation of its top [m]. */
+/** Something that throws a shadow: its outline from above around its centre [m], and the elevation of its top [m]. */
 export interface Blocker {
-  x0: number;
-  z0: number;
-  x1: number;
-  z1: number;
+  x: number;
+  z: number;
+  turn: Turn;
+  shape: Shape;
   top: number;
 }
 
@@ -80,14 +81,18 @@ export class Relief {
     }
   }
 
-  private block({ x0, z0, x1, z1, top }: Blocker): void {
+  private block({ x: middleX, z: middleZ, turn, shape, top }: Blocker): void {
     const { xs, zs, columns, rows, blocked } = this;
+    const { x0, z0, x1, z1 } = extentOf(shape);
+    const reach = Math.hypot(Math.max(-x0, x1), Math.max(-z0, z1));
     for (let z = 0; z < rows; z++) {
-      if ((zs[z] as number) < z0 || (zs[z] as number) > z1) continue;
+      const dz = (zs[z] as number) - middleZ;
+      if (Math.abs(dz) > reach) continue;
       for (let x = 0; x < columns; x++) {
         const vertex = z * columns + x;
-        const inside = (xs[x] as number) >= x0 && (xs[x] as number) <= x1;
-        if (inside && (blocked[vertex] as number) < top) blocked[vertex] = top;
+        const dx = (xs[x] as number) - middleX;
+        if (Math.abs(dx) > reach || (blocked[vertex] as number) >= top) continue;
+        if (covers(shape, ...toOwn(turn, dx, dz))) blocked[vertex] = top;
       }
     }
   }

@@ -1,4 +1,4 @@
-// Many boxes or cylinders in one draw: the cells of the grid, and the bodies on the snow.
+// Many solids of one form in one draw: the cells of the grid, and the bodies on the snow.
 
 import {
   type BufferGeometry,
@@ -9,19 +9,27 @@ import {
   ShaderMaterial,
 } from "three";
 import { light, lighting, snowColour } from "./light.ts";
+import type { Turn } from "./outline.ts";
 
 const vertexShader = /* glsl */ `
   attribute vec3 centre;
   attribute vec3 extent;
+  attribute vec2 turn;
   attribute float value;
   varying vec3 vNormal;
   varying vec3 vOnFace;
   varying float vValue;
+
+  /** From a solid's own axes, x to its right and z forward, to those of the world. */
+  vec3 turned(vec3 own) {
+    return vec3(own.x * turn.y + own.z * turn.x, own.y, own.z * turn.y - own.x * turn.x);
+  }
+
   void main() {
-    vNormal = normalize(normal / extent);
+    vNormal = turned(normalize(normal / extent));
     vOnFace = position;
     vValue = value;
-    gl_Position = projectionMatrix * viewMatrix * vec4(centre + position * extent, 1.0);
+    gl_Position = projectionMatrix * viewMatrix * vec4(centre + turned(position * extent), 1.0);
   }
 `;
 
@@ -57,10 +65,11 @@ const fragmentShader = /* glsl */ `
 export const WHITE = 2;
 export const GROUND = -1;
 
-/** One of the solids: its middle and its extent [m], and its value on the colour map from 0 to 1. */
+/** One of the solids: its middle, its extent [m] and how it is turned, and its value on the colour map from 0 to 1. */
 export interface Solid {
   centre: readonly [number, number, number];
   extent: readonly [number, number, number];
+  turn?: Turn;
   value: number;
 }
 
@@ -94,24 +103,31 @@ export class Solids {
   show(solids: readonly Solid[]): void {
     const { geometry } = this.mesh;
     if (solids.length > this.room || this.room === 0) this.makeRoom(Math.max(16, Math.ceil(solids.length * 1.25)));
-    const [centre, extent, value] = ["centre", "extent", "value"].map(
-      (name) => geometry.getAttribute(name) as InstancedBufferAttribute,
-    ) as [InstancedBufferAttribute, InstancedBufferAttribute, InstancedBufferAttribute];
+    const attribute = (name: string) => geometry.getAttribute(name) as InstancedBufferAttribute;
+    const [centre, extent] = [attribute("centre"), attribute("extent")];
+    const [turn, value] = [attribute("turn"), attribute("value")];
     for (const [i, solid] of solids.entries()) {
       centre.setXYZ(i, ...solid.centre);
       extent.setXYZ(i, ...solid.extent);
+      turn.setXY(i, solid.turn?.sin ?? 0, solid.turn?.cos ?? 1);
       value.setX(i, solid.value);
     }
-    for (const attribute of [centre, extent, value]) attribute.needsUpdate = true;
+    for (const attribute of [centre, extent, turn, value]) attribute.needsUpdate = true;
     geometry.instanceCount = solids.length;
+  }
+
+  dispose(): void {
+    this.mesh.removeFromParent();
+    this.mesh.geometry.dispose();
+    this.mesh.material.dispose();
   }
 
   private makeRoom(room: number): void {
     const { geometry } = this.mesh;
     geometry.dispose();
-    geometry.setAttribute("centre", new InstancedBufferAttribute(new Float32Array(3 * room), 3));
-    geometry.setAttribute("extent", new InstancedBufferAttribute(new Float32Array(3 * room), 3));
-    geometry.setAttribute("value", new InstancedBufferAttribute(new Float32Array(room), 1));
+    for (const [name, size] of Object.entries({ centre: 3, extent: 3, turn: 2, value: 1 })) {
+      geometry.setAttribute(name, new InstancedBufferAttribute(new Float32Array(size * room), size));
+    }
     this.room = room;
   }
 }

@@ -1,7 +1,6 @@
 // What fingers, mouse and keys do with the picture: open profiles, place, choose and drag objects, turn the camera.
 
-import type { Collider, ColliderSpec, Grid } from "firn-client";
-import { extentOf } from "../scene/bodies.ts";
+import type { Collider, ColliderSpec, Grid, Position } from "firn-client";
 import type { Look } from "./look.ts";
 import type { Model } from "./model.ts";
 import type { Viewport } from "./viewport.ts";
@@ -13,16 +12,14 @@ const MOVE_PAUSE = 40;
 /** One press of an arrow key turns by so much [rad]. */
 const TURN = 0.08;
 
-/** A place for an object: its footprint stays within the grid. */
-export function fitInto(grid: Grid, shape: Collider["shape"], x: number, z: number): { x: number; z: number } {
-  const [width, , depth] = extentOf({ shape });
-  // To the millimetre, and within the grid whatever that rounds.
-  const fit = (at: number, extent: number, size: number) =>
-    Math.min(Math.max(Math.round(at * 1000) / 1000, extent / 2), size - extent / 2);
-  return { x: fit(x, width, grid.width * grid.cell_size), z: fit(z, depth, grid.depth * grid.cell_size) };
+/** A place for an object, to the millimetre: its centre stays within the grid, whatever hangs over. */
+export function fitInto(grid: Grid, x: number, z: number): Position {
+  const fit = (at: number, columns: number) =>
+    Math.min(Math.max(Math.round(at * 1000), 0), Math.floor(columns * grid.cell_size * 1000 - 0.5)) / 1000;
+  return { x: fit(x, grid.width), z: fit(z, grid.depth) };
 }
 
-/** Sends one move at a time, always to the newest place. */
+/** Sends one change of an object at a time, always the newest. */
 export class Mover {
   private readonly model: Model;
   private readonly report: (error: unknown) => void;
@@ -34,9 +31,17 @@ export class Mover {
     this.report = report;
   }
 
-  /** Moves an object, its footprint kept within the grid. */
-  move({ id, mass, shape }: Collider, x: number, z: number): void {
-    this.next = { id, mass, shape, position: fitInto(this.model.grid, shape, x, z) };
+  /** Moves an object, its centre kept within the grid. */
+  move(collider: Collider, x: number, z: number): void {
+    this.change(collider, { position: fitInto(this.model.grid, x, z) });
+  }
+
+  /** Changes something of an object: where it is, its heading, whether it is held up. */
+  change(collider: Collider, change: Partial<ColliderSpec>): void {
+    const { id, mass, shape, footprints, position, heading, airborne } = collider;
+    const on = shape ? { shape } : { footprints: footprints ?? [] };
+    const now = this.next?.id === id ? this.next : { id, mass, ...on, position, heading, airborne };
+    this.next = { ...now, ...change };
     if (!this.busy) this.send();
   }
 

@@ -4,7 +4,7 @@ import type { HeightField } from "firn-client";
 import { BoxGeometry, Mesh, MeshBasicMaterial, Vector3 } from "three";
 import { Bodies } from "../scene/bodies.ts";
 import { Cubes, PLINTH, planeOf, topValues } from "../scene/cubes.ts";
-import { meetBox, meetSurface, type Ray } from "../scene/ray.ts";
+import { meetSurface, type Ray } from "../scene/ray.ts";
 import { groundAt } from "../scene/relief.ts";
 import { Stage } from "../scene/scene.ts";
 import { Surface } from "../scene/surface.ts";
@@ -83,13 +83,9 @@ export class Viewport {
   pick(clientX: number, clientY: number, bodies = true): Hit | null {
     const ray = this.stage.rayAt(clientX, clientY);
     const distance = this.meetSnow(ray) ?? Number.POSITIVE_INFINITY;
-    let hit: { distance: number; body: string | null } = { distance, body: null };
-    if (bodies && this.look.colliders.get()) {
-      for (const { collider, low, high } of this.bodies.boxesAround()) {
-        const at = meetBox(ray, low, high);
-        if (at !== null && at < hit.distance) hit = { distance: at, body: collider.id };
-      }
-    }
+    const body = bodies && this.look.colliders.get() ? this.bodies.meet(ray) : null;
+    const hit =
+      body && body.distance < distance ? { distance: body.distance, body: body.id } : { distance, body: null };
     if (!Number.isFinite(hit.distance)) return null;
     const [x, y, z] = [0, 1, 2].map((axis) => {
       return (ray.origin[axis] as number) + hit.distance * (ray.direction[axis] as number);

@@ -17,6 +17,7 @@ class AckMessage(TypedDict):
     cleared_mass: NotRequired[float]
     celsius: NotRequired[float]
     collider: NotRequired[ColliderView]
+    results: NotRequired[BatchResults]
     probes: NotRequired[list[ProbeView]]
     fields: NotRequired[SampleFields]
 
@@ -59,7 +60,7 @@ class BatchResult(TypedDict):
     result: BatchOutcome
     """What was done."""
 
-    errors: list[FieldError]
+    errors: NotRequired[list[FieldError]]
     """Why it was skipped: what is wrong, each with where in the batch."""
 
 
@@ -71,6 +72,26 @@ class BatchResults(TypedDict):
 
     delete: list[BatchResult]
     """One for each entry of `delete`, in their order."""
+
+
+class Body(TypedDict):
+    """A rigid, level object that stands on the snow."""
+
+    mass: float
+    """Mass [kg]."""
+
+    shape: NotRequired[Shape | None]
+    footprints: NotRequired[list[Part]]
+    """The outlines on which it stands, where it is not one `shape`."""
+
+    position: Position
+    """Where its centre is [m]."""
+
+    heading: float
+    """Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east)."""
+
+    airborne: bool
+    """Whether it is held up: then it presses nothing."""
 
 
 class CellOrigin(TypedDict):
@@ -171,7 +192,7 @@ class ColliderPatch(TypedDict):
     """Mass [kg]."""
 
     shape: NotRequired[Shape | None]
-    footprints: NotRequired[list[Part] | None]
+    footprints: NotRequired[list[PartSpec] | None]
     """Outlines that it stands on, in place of what it stood on."""
 
     position: NotRequired[Position | None]
@@ -205,7 +226,7 @@ class ColliderSpec(TypedDict):
     """Mass [kg]."""
 
     shape: NotRequired[Shape | None]
-    footprints: NotRequired[list[Part] | None]
+    footprints: NotRequired[list[PartSpec] | None]
     """
     Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
     rigid body; its weight is shared by the contact of each.
@@ -221,7 +242,7 @@ class ColliderSpec(TypedDict):
     """Whether it is held up: then it presses nothing."""
 
 
-class ColliderView(TypedDict):
+class ColliderView(Body):
     """An object on the snow and how it stands there."""
 
     id: str
@@ -247,7 +268,7 @@ class ColliderView(TypedDict):
 
 
 class CollidersBatchMessage(TypedDict):
-    """Puts and removes up to 4096 colliders in one frame, all or none."""
+    """Puts and removes up to 4096 colliders in one frame, as POST …/colliders:batch."""
 
     op: Literal["colliders.batch"]
     id: Id
@@ -255,6 +276,9 @@ class CollidersBatchMessage(TypedDict):
     """Colliders to create or replace; each needs an id."""
 
     delete: NotRequired[list[str]]
+    """Ids of colliders to remove. One that is not there is no error."""
+
+    on_error: NotRequired[OnError]
 
 
 class ColumnRegion(TypedDict):
@@ -755,6 +779,19 @@ class PageSessionView(TypedDict):
 
 
 class Part(TypedDict):
+    """One of several outlines on which an object stands: a foot, or a wheel."""
+
+    shape: Shape
+    """Its outline from above."""
+
+    offset: Position
+    """Where its centre is, seen from the object's [m]: x to the object's right, z forward."""
+
+    heading: float
+    """How far it is turned against the object [°], clockwise from above."""
+
+
+class PartSpec(TypedDict):
     """One of several outlines on which an object stands: a foot, or a wheel."""
 
     shape: Shape
@@ -1363,7 +1400,7 @@ class AirTemperatureReply(Stamp):
 class BatchReply(Stamp):
     """Answer to a batch of colliders."""
 
-    results: BatchResults | None
+    results: NotRequired[BatchResults | None]
 
 
 class CellsView(Stamp):

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .stream import Stream
 from .types import (
+    BatchReply,
     Checkpoint,
     ClearingReply,
     Collider,
@@ -22,6 +23,7 @@ from .types import (
     HeightsQuery,
     Load,
     MassLedger,
+    OnError,
     Probe,
     ProbeSpec,
     Region,
@@ -179,9 +181,15 @@ class Session:
         """Removes an object."""
         self._call("DELETE", f"/colliders/{quote(id, safe='')}")
 
-    def batch_colliders(self, put: Iterable[ColliderSpec] = (), delete: Iterable[str] = ()) -> Stamp:
-        """Puts and removes up to 4096 objects in one frame, all or none."""
-        return cast(Stamp, self._call("POST", "/colliders:batch", json={"put": list(put), "delete": list(delete)}))
+    def batch_colliders(
+        self, put: Iterable[ColliderSpec] = (), delete: Iterable[str] = (), *, on_error: OnError = "refuse"
+    ) -> BatchReply:
+        """Puts and removes up to 4096 objects in one frame: all or none, or with `on_error="skip"` those without error.
+
+        It then has `results`, one for each.
+        """
+        body = {"put": list(put), "delete": list(delete), "on_error": on_error}
+        return cast(BatchReply, self._call("POST", "/colliders:batch", json=body))
 
     def heights(self, **query: Unpack[HeightsQuery]) -> Heights:
         """Snow depths; of a part by `column_x`, `column_z`, `width`, `depth`, `stride`; `surface` adds the ground."""

@@ -6,7 +6,12 @@ The shapes are generated from the published contract; this gives them the names 
 from . import generated
 
 Ack = generated.AckMessage
+BatchOutcome = generated.BatchOutcome
+BatchReply = generated.BatchReply
+BatchResult = generated.BatchResult
+BatchResults = generated.BatchResults
 Box = generated.ShapeBox
+Capsule = generated.ShapeCapsule
 Checkpoint = generated.CheckpointView
 ClearingReply = generated.ClearingReply
 Collider = generated.ColliderView
@@ -17,6 +22,8 @@ DepthWatch = generated.DepthWatch
 Disk = generated.ShapeDisk
 Event = generated.EventMessage
 EventKind = generated.EventKind
+Footprint = generated.Part
+FootprintSpec = generated.PartSpec
 Grid = generated.Grid
 GridSpec = generated.GridSpec
 HeightsQuery = generated.GetHeightsQuery
@@ -26,6 +33,8 @@ MassLedger = generated.MassView
 Material = generated.Material
 MaterialSpec = generated.MaterialSpec
 MemoryBytes = generated.MemoryBytes
+OnError = generated.OnError
+Polygon = generated.ShapePolygon
 Position = generated.Position
 Preset = generated.Preset
 Probe = generated.ProbeView
@@ -51,3 +60,4 @@ Usage = generated.UsageView
 WatchEvent = generated.WatchEvent
 WeakLayer = generated.WeakLayerView
 Welcome = generated.WelcomeMessage
+Wheel = generated.ShapeWheel
