@@ -190,7 +190,7 @@ impl Snapshot {
     /// What its objects take in the device's tables.
     pub(crate) fn object_rows(&self) -> u64 {
         let grid = &self.description.spec.grid;
-        let reach = |saved: &SavedCollider| Reach::new(&saved.object, grid);
+        let reach = |saved: &SavedCollider| Reach::new(&saved.body, grid);
         self.description.colliders.iter().map(|saved| reach(saved).words()).sum()
     }
 
@@ -267,7 +267,7 @@ impl Simulation {
     pub(crate) fn snapshot(&self, stamp: Stamp, tiles: Arc<Vec<TileCells>>) -> Snapshot {
         let colliders = self.state.colliders.iter().map(|(id, collider)| SavedCollider {
             id: id.to_string(),
-            object: collider.object.clone(),
+            body: collider.body.clone(),
             contact: collider.contact,
         });
         // A reset may have brought another material along.

@@ -128,7 +128,7 @@ mod tests {
     use super::*;
     use crate::session::Invalid;
     use firn_protocol::SnowfallReply;
-    use firn_snow::{Object, Position, Shape};
+    use firn_snow::{Body, Position, Shape};
 
     fn value(text: &str) -> Value {
         serde_json::from_str(text).expect("answers are JSON")
@@ -153,11 +153,11 @@ mod tests {
     fn a_collider_keeps_its_own_id_apart_from_that_of_the_request() {
         let collider = ColliderView {
             id: "sledge".to_owned(),
-            object: Object {
+            body: Body {
                 mass: 1.0,
                 shape: Some(Shape::Disk { radius: 0.5 }),
                 position: Position { x: 1.0, z: 2.0 },
-                ..Object::default()
+                ..Body::default()
             },
             bottom: 3.0,
             sink_depth: 0.25,

@@ -46,7 +46,7 @@ pub fn columns_of(tiles: &ColumnRect, grid: &Grid) -> ColumnRect {
 
 /// Whether an object's bounding box meets a rectangle of columns.
 pub fn meets(collider: &ColliderView, columns: &ColumnRect, grid: &Grid) -> bool {
-    let (low, high) = collider.object.bounds();
+    let (low, high) = collider.body.bounds();
     let overlaps = |low: f64, high: f64, from: u32, to: u32| {
         high > f64::from(from) * grid.cell_size && low < f64::from(to) * grid.cell_size
     };
@@ -56,7 +56,7 @@ pub fn meets(collider: &ColliderView, columns: &ColumnRect, grid: &Grid) -> bool
 
 #[cfg(test)]
 mod tests {
-    use firn_snow::{Position, Shape};
+    use firn_snow::{Body, Position, Shape};
 
     use super::*;
 
@@ -66,9 +66,12 @@ mod tests {
         let columns = ColumnRect { x0: 8, z0: 0, x1: 16, z1: 8 };
         let collider = |x: f64| ColliderView {
             id: "a".to_owned(),
-            mass: 1.0,
-            shape: Shape::Box { width: 0.5, depth: 0.5 },
-            position: Position { x, z: 1.0 },
+            body: Body {
+                mass: 1.0,
+                shape: Some(Shape::Box { width: 0.5, depth: 0.5 }),
+                position: Position { x, z: 1.0 },
+                ..Body::default()
+            },
             bottom: 0.0,
             sink_depth: 0.0,
             contact_area: 0.0,

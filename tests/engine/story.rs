@@ -7,7 +7,7 @@ use firn_engine::frame::{
     Backend, ColumnRead, Contents, Edit, Placement, Run, SampleBox, TileCells, Work, WorkOutcome,
 };
 use firn_snow::{
-    Column, Contact, Elevation, Floor, Grid, Material, Object, Position, Pressing, Sample,
+    Body, Column, Contact, Elevation, Floor, Grid, Material, Position, Pressing, Sample,
 };
 
 use crate::support::*;
@@ -67,7 +67,7 @@ impl Story {
 }
 
 /// Objects that stand somewhere.
-type Standing = HashMap<&'static str, (Object, Arc<Placement>)>;
+type Standing = HashMap<&'static str, (Body, Arc<Placement>)>;
 
 /// What a snowpack may be brought back to.
 struct Saved {
@@ -97,7 +97,7 @@ fn any_edit(dice: &mut Dice, standing: &mut Standing) -> Edit {
             let other = any_object(dice, position);
             // Or another mass is put where it stands.
             let stays = standing.get(id).filter(|_| kind < 12);
-            let stays = stays.map(|(object, _)| Object { mass: other.mass, ..object.clone() });
+            let stays = stays.map(|(object, _)| Body { mass: other.mass, ..object.clone() });
             let moves = stays.is_none();
             let object = stays.unwrap_or(other);
             let mut put = put_object(&GRID, id, &object);

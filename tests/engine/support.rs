@@ -10,7 +10,7 @@ use firn_engine::frame::{
 };
 use firn_engine::gpu::GpuBackend;
 use firn_snow::{
-    CELL, ColumnRect, Coverage, Grid, MASS_QUANTA, Material, Object, Part, Position, Shape,
+    Body, CELL, ColumnRect, Coverage, Grid, MASS_QUANTA, Material, Part, Position, Shape,
     SurfaceLoad, TILE_COLUMNS, Turn,
 };
 
@@ -77,11 +77,11 @@ pub fn snow(grid: &Grid, columns: ColumnRect, depth: f64, density: f64, celsius:
 /// An object of one shape put somewhere.
 pub fn put(grid: &Grid, id: &str, mass: f64, shape: Shape, x: f64, z: f64) -> Edit {
     let position = Position { x, z };
-    put_object(grid, id, &Object { mass, shape: Some(shape), position, ..Object::default() })
+    put_object(grid, id, &Body { mass, shape: Some(shape), position, ..Body::default() })
 }
 
 /// An object put on the snow.
-pub fn put_object(grid: &Grid, id: &str, object: &Object) -> Edit {
+pub fn put_object(grid: &Grid, id: &str, object: &Body) -> Edit {
     let footprints = object.on(grid).expect("it stands in the grid");
     let collider = Arc::new(Placement { mass: object.load(), footprints });
     Edit::PutCollider { id: Arc::from(id), collider, placed: true }
@@ -215,13 +215,13 @@ pub fn any_stamp(dice: &mut Dice, grid: &Grid) -> Edit {
 }
 
 /// Any object around a place: of one shape or of several, turned, and now and then held up.
-pub fn any_object(dice: &mut Dice, position: Position) -> Object {
-    let mut object = Object {
+pub fn any_object(dice: &mut Dice, position: Position) -> Body {
+    let mut object = Body {
         mass: dice.range(1.0, 300.0),
         position,
         heading: if dice.unit() < 0.3 { 0.0 } else { dice.range(-180.0, 540.0) },
         airborne: dice.unit() < 0.1,
-        ..Object::default()
+        ..Body::default()
     };
     if dice.unit() < 0.6 {
         object.shape = Some(any_shape(dice, 2.0));

@@ -77,20 +77,6 @@ export interface components {
             /** @description One for each entry of `delete`, in their order. */
             delete: components["schemas"]["BatchResult"][];
         };
-        /** @description A rigid, level object that stands on the snow. */
-        Body: {
-            /** @description Mass [kg]. */
-            mass: number;
-            shape?: components["schemas"]["Shape"] | null;
-            /** @description The outlines on which it stands, where it is not one `shape`. */
-            footprints?: components["schemas"]["Part"][];
-            /** @description Where its centre is [m]. */
-            position: components["schemas"]["Position"];
-            /** @description Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east). */
-            heading: number;
-            /** @description Whether it is held up: then it presses nothing. */
-            airborne: boolean;
-        };
         /** @description A cell of the fixed grid. */
         CellOrigin: {
             /** @description Along x. */
@@ -191,7 +177,7 @@ export interface components {
             mass?: number | null;
             shape?: components["schemas"]["Shape"] | null;
             /** @description Outlines that it stands on, in place of what it stood on. */
-            footprints?: components["schemas"]["PartSpec"][] | null;
+            footprints?: components["schemas"]["Part"][] | null;
             position?: components["schemas"]["Position"] | null;
             /** @description Compass bearing of its front [°]. */
             heading?: number | null;
@@ -223,7 +209,7 @@ export interface components {
              * @description Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
              *     rigid body; its weight is shared by the contact of each.
              */
-            footprints?: components["schemas"]["PartSpec"][] | null;
+            footprints?: components["schemas"]["Part"][] | null;
             /** @description Where its centre is [m]. */
             position: components["schemas"]["Position"];
             /** @description Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east). */
@@ -232,7 +218,7 @@ export interface components {
             airborne?: boolean;
         };
         /** @description An object on the snow and how it stands there. */
-        ColliderView: components["schemas"]["Body"] & {
+        ColliderView: Record<string, never> & {
             /** @description Its name. */
             id: string;
             /** @description Elevation of its bottom [m]. */
@@ -719,15 +705,6 @@ export interface components {
             /** @description Where its centre is, seen from the object's [m]: x to the object's right, z forward. */
             offset: components["schemas"]["Position"];
             /** @description How far it is turned against the object [°], clockwise from above. */
-            heading: number;
-        };
-        /** @description One of several outlines on which an object stands: a foot, or a wheel. */
-        PartSpec: {
-            /** @description Its outline from above. */
-            shape: components["schemas"]["Shape"];
-            /** @description Where its centre is, seen from the object's [m]: x to the object's right, z forward. */
-            offset: components["schemas"]["Position"];
-            /** @description How far it is turned against the object [°], clockwise from above. */
             heading?: number;
         };
         /** @description Asks for a pong. */
@@ -765,6 +742,13 @@ export interface components {
         Preset: "thesis" | "powder" | "packed" | "wet" | "game";
         /** @description How snow gives way under objects: it creeps as under its own weight, or is pressed to where it carries them, a full cell by its whole thickness in so many simulated seconds; at once for 0. */
         Pressing: "creep" | number;
+        /** @description A print in the snow. */
+        PrintView: {
+            /** @description How deep the deepest of its columns was pressed [m]. */
+            depth: number;
+            /** @description Elevation of the lowest surface in it afterwards [m]. */
+            bottom: number;
+        };
         /** @description A load on level snow. */
         Probe: {
             /** @description Where it stands along x [m], inside the grid. */
@@ -1161,6 +1145,36 @@ export interface components {
             /** @description Number of the newest published change. It only grows, and may exceed 32 bits. */
             seq: number;
         };
+        /** @description Loads that press prints into the snow, in one frame. */
+        StampBatch: {
+            /**
+             * @description The loads, in order: where prints overlap, the later finds the snow as the earlier left it. They may cover
+             *     4 194 304 columns together.
+             */
+            stamps: components["schemas"]["StampSpec"][];
+        };
+        /** @description Answer to stamps. */
+        StampReply: components["schemas"]["Stamp"] & {
+            /** @description The print of each, in their order. */
+            stamps: components["schemas"]["PrintView"][];
+        };
+        /**
+         * @description A load that presses a print and is gone.
+         *
+         *     It has either a `mass` or a `pressure`.
+         */
+        StampSpec: {
+            /** @description Outline from above; any but a wheel. */
+            shape: components["schemas"]["Shape"];
+            /** @description Where its centre is [m]. It covers a part of a column in the grid at least. */
+            position: components["schemas"]["Position"];
+            /** @description Compass bearing of its front [°]. */
+            heading?: number;
+            /** @description Mass [kg], which presses on all of the outline. */
+            mass?: number | null;
+            /** @description Pressure [Pa]. */
+            pressure?: number | null;
+        };
         /**
          * @description What a session is doing.
          * @enum {string}
@@ -1415,7 +1429,6 @@ export type BatchOutcome = components['schemas']['BatchOutcome'];
 export type BatchReply = components['schemas']['BatchReply'];
 export type BatchResult = components['schemas']['BatchResult'];
 export type BatchResults = components['schemas']['BatchResults'];
-export type Body = components['schemas']['Body'];
 export type CellOrigin = components['schemas']['CellOrigin'];
 export type CellsView = components['schemas']['CellsView'];
 export type CheckpointList = components['schemas']['CheckpointList'];
@@ -1475,13 +1488,13 @@ export type Origin = components['schemas']['Origin'];
 export type Page_ColliderView = components['schemas']['Page_ColliderView'];
 export type Page_SessionView = components['schemas']['Page_SessionView'];
 export type Part = components['schemas']['Part'];
-export type PartSpec = components['schemas']['PartSpec'];
 export type PingMessage = components['schemas']['PingMessage'];
 export type PlainEvent = components['schemas']['PlainEvent'];
 export type PongMessage = components['schemas']['PongMessage'];
 export type Position = components['schemas']['Position'];
 export type Preset = components['schemas']['Preset'];
 export type Pressing = components['schemas']['Pressing'];
+export type PrintView = components['schemas']['PrintView'];
 export type Probe = components['schemas']['Probe'];
 export type ProbeBatch = components['schemas']['ProbeBatch'];
 export type ProbeReply = components['schemas']['ProbeReply'];
@@ -1513,6 +1526,9 @@ export type SnowfallEvent = components['schemas']['SnowfallEvent'];
 export type SnowfallMessage = components['schemas']['SnowfallMessage'];
 export type SnowfallReply = components['schemas']['SnowfallReply'];
 export type Stamp = components['schemas']['Stamp'];
+export type StampBatch = components['schemas']['StampBatch'];
+export type StampReply = components['schemas']['StampReply'];
+export type StampSpec = components['schemas']['StampSpec'];
 export type State = components['schemas']['State'];
 export type StepProgressEvent = components['schemas']['StepProgressEvent'];
 export type StepSpec = components['schemas']['StepSpec'];

@@ -14,7 +14,7 @@ use firn_engine::frame::{Backend, Deposit, Edit, Frame, Layout, Placement, Run, 
 use firn_engine::gpu::{GpuBackend, REQUIRED_FEATURES, required_limits};
 use firn_engine::published::TileColumns;
 use firn_snow::{
-    CELL, ColumnRect, Grid, MASS_QUANTA, Material, Object, Position, Shape, TILE_COLUMNS,
+    Body, CELL, ColumnRect, Grid, MASS_QUANTA, Material, Position, Shape, TILE_COLUMNS,
 };
 
 /// Longest time that a frame may take.
@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     });
     let shape = Shape::Box { width: 1.2, depth: 1.2 };
     let position = Position { x: 3.2, z: 0.8 };
-    let post = Object { mass: 200.0, shape: Some(shape), position, ..Object::default() };
+    let post = Body { mass: 200.0, shape: Some(shape), position, ..Body::default() };
     let footprints = post.on(&grid).ok_or("the post is off the grid")?;
     let post = Arc::new(Placement { mass: post.load(), footprints });
     let mut edits =

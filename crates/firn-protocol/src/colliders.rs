@@ -1,7 +1,6 @@
 //! Objects that stand on the snow.
 
-// In the contract a type by the name of Object would be any object at all.
-use firn_snow::{Object as Body, Part, Position, Shape};
+use firn_snow::{Body, Part, Position, Shape};
 use serde::{Deserialize, Serialize};
 
 use crate::problem::FieldError;
@@ -41,7 +40,7 @@ pub struct ColliderSpec {
 
 impl ColliderSpec {
     /// The object without its name.
-    pub fn object(&self) -> Body {
+    pub fn body(&self) -> Body {
         Body {
             mass: self.mass,
             shape: self.shape.clone(),
@@ -181,7 +180,7 @@ pub struct ColliderView {
     pub id: String,
     /// What it is, and where it stands.
     #[serde(flatten)]
-    pub object: Body,
+    pub body: Body,
     /// Elevation of its bottom \[m\].
     pub bottom: f64,
     /// How far its bottom is below the highest of its columns at the time it was placed or last

@@ -35,7 +35,7 @@ mod usage;
 mod weather;
 
 pub use firn_snow::{
-    Grid, HardnessLaw, LoadDistribution, Material, Object, Part, Position, Preset, Pressing, Shape,
+    Body, Grid, HardnessLaw, LoadDistribution, Material, Part, Position, Preset, Pressing, Shape,
 };
 
 pub use checkpoints::{CheckpointList, CheckpointView, ResetSpec};

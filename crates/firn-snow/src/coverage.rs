@@ -1,7 +1,7 @@
 //! How much of each column an outline covers.
 
+use super::body::Position;
 use super::grid::{ColumnRect, Grid};
-use super::object::Position;
 use super::shape::{Shape, Turn};
 
 /// Samples along each side of a column.

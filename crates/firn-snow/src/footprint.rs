@@ -1,7 +1,7 @@
 //! The columns under an outline.
 
+use super::body::Position;
 use super::grid::{CELL, Grid};
-use super::object::Position;
 use super::shape::{EDGE_SLACK, Shape, Turn};
 
 /// The columns under an outline: one span of columns for each row along z.

@@ -28,6 +28,7 @@
 //! With the feature `serde` what a client tells of a snowpack can be read and written, with `schema` it has
 //! a JSON schema too.
 
+mod body;
 mod column;
 mod contact;
 mod coverage;
@@ -35,7 +36,6 @@ mod elevation;
 mod footprint;
 mod grid;
 mod material;
-mod object;
 mod preset;
 mod pressing;
 mod recut;
@@ -43,6 +43,7 @@ mod sample;
 mod shape;
 mod snowpack;
 
+pub use body::{Body, MOST_FOOTPRINTS, Part, Position};
 pub use column::{Cell, Column, SurfaceLoad};
 pub use contact::{CONTACT_DEPTH, Contact, Footing, share, share_units};
 pub use coverage::Coverage;
@@ -54,7 +55,6 @@ pub use grid::{
 pub use material::{
     GRAVITY, HardnessLaw, LoadDistribution, Material, REFERENCE_CELL_SIZE, gold_prefactor,
 };
-pub use object::{MOST_FOOTPRINTS, Object, Part, Position};
 pub use preset::Preset;
 pub use pressing::Pressing;
 pub use sample::{Content, Floor, Sample, sample_column};

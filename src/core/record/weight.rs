@@ -6,7 +6,7 @@ use std::mem::size_of;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use firn_protocol::{Object, SessionSpec, SnowLayer};
+use firn_protocol::{Body, SessionSpec, SnowLayer};
 
 use crate::core::record::{Checkpoint, Entry, Identity, OVERHEAD, Stored};
 use crate::core::session::{Command, Stamping};
@@ -81,7 +81,7 @@ impl Command {
         };
         let names = removed.iter().chain(put.iter().map(|(id, _)| id));
         let places = removed.capacity() * size_of::<Arc<str>>()
-            + put.capacity() * size_of::<(Arc<str>, Object)>();
+            + put.capacity() * size_of::<(Arc<str>, Body)>();
         let outlines = put.iter().map(|(_, object)| object.heap_bytes()).sum::<usize>();
         places + outlines + names.map(|id| SHARED + id.len()).sum::<usize>()
     }

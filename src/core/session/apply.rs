@@ -1,7 +1,7 @@
 //! Commands, carried out: live ones, and those of the journal.
 
 use firn_engine::frame::{Deposit, Edit, Placement, Stamp};
-use firn_snow::{Material, Object};
+use firn_snow::{Body, Material};
 use std::sync::Arc;
 
 use crate::core::session::{Collider, Command, Counted, Kept, Orders, SessionState};
@@ -93,12 +93,11 @@ impl SessionState {
     }
 
     /// Puts an object. Returns on how many tiles it stands.
-    fn put(&mut self, id: &Arc<str>, object: &Object, orders: &mut Orders) -> u64 {
+    fn put(&mut self, id: &Arc<str>, object: &Body, orders: &mut Orders) -> u64 {
         // It was in the grid when this was decided.
         let Some(footprints) = object.on(&self.grid) else { return 0 };
         // A change of mass alone doesn't move an object: the depth it has sunk goes on counting.
-        let moved =
-            |old: &Collider| old.object != Object { mass: old.object.mass, ..object.clone() };
+        let moved = |old: &Collider| old.body != Body { mass: old.body.mass, ..object.clone() };
         let placed = self.colliders.get(id).is_none_or(moved);
         let collider = Arc::new(Placement { mass: object.load(), footprints });
         orders.edits.push(Edit::PutCollider { id: id.clone(), collider, placed });

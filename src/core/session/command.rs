@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use firn_protocol::Settings;
-use firn_snow::{ColumnRect, Coverage, Grid, Object, Position, Shape, SurfaceLoad, Turn};
+use firn_snow::{Body, ColumnRect, Coverage, Grid, Position, Shape, SurfaceLoad, Turn};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::{Ground, Told};
@@ -20,7 +20,7 @@ pub(crate) enum Command {
     /// All settings, as they become.
     Settings { settings: Settings, stiffness_exponent: f64 },
     /// Objects are taken away, then put.
-    Objects { removed: Vec<Arc<str>>, put: Vec<(Arc<str>, Object)> },
+    Objects { removed: Vec<Arc<str>>, put: Vec<(Arc<str>, Body)> },
     /// Loads press prints into the snow.
     Stamps(Vec<Stamping>),
     /// The snow lies on other ground.

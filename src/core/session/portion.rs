@@ -189,7 +189,7 @@ fn units_of(edit: &Edit, grid: &Grid) -> u64 {
 mod tests {
     use super::*;
     use firn_engine::frame::{Run, contact_units};
-    use firn_snow::{Object, Shape};
+    use firn_snow::{Body, Shape};
 
     const GRID: Grid = Grid { width: 64, depth: 64, height: 10, cell_size: 0.2 };
     const TILE: u64 = 640;
@@ -233,7 +233,7 @@ mod tests {
     fn only_what_is_awake_costs_and_what_stands_on_it() {
         let mut portions = Portions::default();
         let shape = Some(Shape::Box { width: 0.6, depth: 0.6 });
-        let object = Object { shape, ..Object::default() };
+        let object = Body { shape, ..Body::default() };
         let reach = Reach::new(&object, &GRID);
         let object = contact_units(16) + 4 * TILE;
         portions.disturb(3);

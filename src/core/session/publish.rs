@@ -337,10 +337,10 @@ fn view(id: &str, collider: &Collider, grid: &Grid) -> ColliderView {
     let contact = &collider.contact;
     ColliderView {
         id: id.to_owned(),
-        object: collider.object.clone(),
+        body: collider.body.clone(),
         bottom: contact.bottom.metres(grid),
         sink_depth: Elevation(contact.reference - contact.bottom).metres(grid),
-        contact_area: if collider.object.airborne { 0.0 } else { f64::from(contact.area) },
+        contact_area: if collider.body.airborne { 0.0 } else { f64::from(contact.area) },
         pressure: f64::from(contact.pressure),
         resting: contact.resting,
     }

@@ -2,7 +2,7 @@
 //! costs follow from that.
 
 use firn_engine::frame::contact_units;
-use firn_snow::{Grid, Object, Shape, TILE_COLUMNS, TILE_SIDE, Turn};
+use firn_snow::{Body, Grid, Shape, TILE_COLUMNS, TILE_SIDE, Turn};
 
 /// Words of four bytes of a footprint itself in the device's tables.
 const WORDS: u64 = 15;
@@ -20,7 +20,7 @@ pub(crate) struct Reach {
 
 impl Reach {
     /// Of an object, as it is turned.
-    pub fn new(object: &Object, grid: &Grid) -> Reach {
+    pub fn new(object: &Body, grid: &Grid) -> Reach {
         object.outlines().fold(Reach::default(), |all, (shape, _, turn)| {
             let own = Reach::of(shape, turn, grid);
             Reach {
@@ -81,7 +81,7 @@ mod tests {
                 let position = Position { x: 8.0 + 0.05 * f64::from(step), z: 5.9 };
                 let heading = f64::from(step) * 9.0;
                 let shape = Some(shape.clone());
-                let object = Object { shape, position, heading, ..Object::default() };
+                let object = Body { shape, position, heading, ..Body::default() };
                 let reach = Reach::new(&object, &grid);
                 let footprint = &object.on(&grid).unwrap()[0];
                 let tiles = footprint.tiles(&grid).len();

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use firn_protocol::{SessionSpec, Settings};
-use firn_snow::{Contact, Grid, Material, Object};
+use firn_snow::{Body, Contact, Grid, Material};
 
 use crate::core::session::{Clock, Falling, Ground, Ledger, Reach, Snowing};
 
@@ -25,7 +25,7 @@ pub(crate) struct SessionState {
 /// An object on the snow.
 #[derive(Clone, Debug)]
 pub(crate) struct Collider {
-    pub object: Object,
+    pub body: Body,
     /// As last published.
     pub contact: Contact,
     /// How far it reaches.
@@ -61,8 +61,8 @@ impl SessionState {
 
 impl Collider {
     /// An object that has not touched the snow yet.
-    pub fn new(object: Object, grid: &Grid) -> Collider {
-        let reach = Reach::new(&object, grid);
-        Collider { object, contact: Contact::default(), reach }
+    pub fn new(body: Body, grid: &Grid) -> Collider {
+        let reach = Reach::new(&body, grid);
+        Collider { body, contact: Contact::default(), reach }
     }
 }

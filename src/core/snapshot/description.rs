@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use firn_engine::frame::{Placement, TileCells};
 use firn_protocol::{SessionSpec, Settings};
-use firn_snow::{Contact, Elevation, Grid, Material, Object};
+use firn_snow::{Body, Contact, Elevation, Grid, Material};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::{
@@ -38,15 +38,15 @@ pub struct Description {
 pub struct SavedCollider {
     pub id: String,
     #[serde(flatten)]
-    pub object: Object,
+    pub body: Body,
     pub contact: Contact,
 }
 
 impl SavedCollider {
     /// Where it stands; `None` where that is not in the grid.
     pub fn placement(&self, grid: &Grid) -> Option<Arc<Placement>> {
-        let footprints = self.object.on(grid)?;
-        Some(Arc::new(Placement { mass: self.object.load(), footprints }))
+        let footprints = self.body.on(grid)?;
+        Some(Arc::new(Placement { mass: self.body.load(), footprints }))
     }
 }
 
@@ -55,7 +55,7 @@ impl Description {
     pub fn state(&self, ground: Option<Ground>) -> SessionState {
         let grid = self.spec.grid;
         let collider = |saved: &SavedCollider| {
-            let new = Collider::new(saved.object.clone(), &grid);
+            let new = Collider::new(saved.body.clone(), &grid);
             let collider = Collider { contact: saved.contact, ..new };
             (Arc::from(saved.id.as_str()), collider)
         };
@@ -114,12 +114,12 @@ impl Description {
         }
         for (i, saved) in self.colliders.iter().enumerate() {
             let at = format!("/colliders/{i}");
-            let SavedCollider { object, contact, .. } = saved;
-            check.object(&at, &saved.id, object, &self.spec.grid);
+            let SavedCollider { body, contact, .. } = saved;
+            check.object(&at, &saved.id, body, &self.spec.grid);
             let ordered = i == 0 || self.colliders[i - 1].id < saved.id;
             let positive = |number: f32| number > 0.0 && number.is_finite();
             let presses =
-                if object.airborne { contact.pressure == 0.0 } else { positive(contact.pressure) };
+                if body.airborne { contact.pressure == 0.0 } else { positive(contact.pressure) };
             let footing = contact.last_cycle.unwrap_or(contact.footing());
             let held = [contact.bottom, contact.reference, footing.bottom]
                 .iter()

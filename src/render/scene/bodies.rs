@@ -20,7 +20,7 @@ pub fn add(scene: &mut Scene, snow: &Snow, cut: bool) {
     let region = Region { low: Vec3::new(x0, 0.0, z0), high: Vec3::new(x1, 0.0, z1) };
     for collider in &snow.colliders {
         let bottom = collider.bottom as f32;
-        for (shape, centre, turn) in collider.object.outlines() {
+        for (shape, centre, turn) in collider.body.outlines() {
             let foot = Vec3::new(centre.x as f32, bottom, centre.z as f32);
             let (inside, height) = (region.has(foot), height(shape, turn));
             let along_axes = turn.sin == 0.0 || turn.cos == 0.0;

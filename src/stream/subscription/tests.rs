@@ -3,7 +3,7 @@ mod ground;
 use std::time::Duration;
 
 use firn_protocol::{ColumnRegion, DepthWatch, EventKind, SessionSpec};
-use firn_snow::{Object, Position, Shape};
+use firn_snow::{Body, Position, Shape};
 use serde_json::{Value, json};
 
 use crate::session::Clock;
@@ -24,11 +24,11 @@ fn mirror() -> Mirror {
 fn collider(id: &str, x: f64) -> ColliderView {
     ColliderView {
         id: id.to_owned(),
-        object: Object {
+        body: Body {
             mass: 1.0,
             shape: Some(Shape::Disk { radius: 0.5 }),
             position: Position { x, z: 1.0 },
-            ..Object::default()
+            ..Body::default()
         },
         bottom: 0.0,
         sink_depth: 0.0,

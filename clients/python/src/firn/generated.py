@@ -74,26 +74,6 @@ class BatchResults(TypedDict):
     """One for each entry of `delete`, in their order."""
 
 
-class Body(TypedDict):
-    """A rigid, level object that stands on the snow."""
-
-    mass: float
-    """Mass [kg]."""
-
-    shape: NotRequired[Shape | None]
-    footprints: NotRequired[list[Part]]
-    """The outlines on which it stands, where it is not one `shape`."""
-
-    position: Position
-    """Where its centre is [m]."""
-
-    heading: float
-    """Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east)."""
-
-    airborne: bool
-    """Whether it is held up: then it presses nothing."""
-
-
 class CellOrigin(TypedDict):
     """A cell of the fixed grid."""
 
@@ -192,7 +172,7 @@ class ColliderPatch(TypedDict):
     """Mass [kg]."""
 
     shape: NotRequired[Shape | None]
-    footprints: NotRequired[list[PartSpec] | None]
+    footprints: NotRequired[list[Part] | None]
     """Outlines that it stands on, in place of what it stood on."""
 
     position: NotRequired[Position | None]
@@ -226,7 +206,7 @@ class ColliderSpec(TypedDict):
     """Mass [kg]."""
 
     shape: NotRequired[Shape | None]
-    footprints: NotRequired[list[PartSpec] | None]
+    footprints: NotRequired[list[Part] | None]
     """
     Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
     rigid body; its weight is shared by the contact of each.
@@ -242,7 +222,7 @@ class ColliderSpec(TypedDict):
     """Whether it is held up: then it presses nothing."""
 
 
-class ColliderView(Body):
+class ColliderView(TypedDict):
     """An object on the snow and how it stands there."""
 
     id: str
@@ -787,19 +767,6 @@ class Part(TypedDict):
     offset: Position
     """Where its centre is, seen from the object's [m]: x to the object's right, z forward."""
 
-    heading: float
-    """How far it is turned against the object [°], clockwise from above."""
-
-
-class PartSpec(TypedDict):
-    """One of several outlines on which an object stands: a foot, or a wheel."""
-
-    shape: Shape
-    """Its outline from above."""
-
-    offset: Position
-    """Where its centre is, seen from the object's [m]: x to the object's right, z forward."""
-
     heading: NotRequired[float]
     """How far it is turned against the object [°], clockwise from above."""
 
@@ -841,6 +808,16 @@ Preset: TypeAlias = Literal["thesis", "powder", "packed", "wet", "game"]
 
 
 Pressing: TypeAlias = Literal["creep"] | float
+
+
+class PrintView(TypedDict):
+    """A print in the snow."""
+
+    depth: float
+    """How deep the deepest of its columns was pressed [m]."""
+
+    bottom: float
+    """Elevation of the lowest surface in it afterwards [m]."""
 
 
 class Probe(TypedDict):
@@ -1536,6 +1513,46 @@ class SnowfallReply(Stamp):
 
     refused_mass: float
     """Mass that found no room [kg]."""
+
+
+class StampBatch(TypedDict):
+    """Loads that press prints into the snow, in one frame."""
+
+    stamps: list[StampSpec]
+    """
+    The loads, in order: where prints overlap, the later finds the snow as the earlier left it. They may cover
+    4 194 304 columns together.
+    """
+
+
+class StampReply(Stamp):
+    """Answer to stamps."""
+
+    stamps: list[PrintView]
+    """The print of each, in their order."""
+
+
+class StampSpec(TypedDict):
+    """
+    A load that presses a print and is gone.
+
+    It has either a `mass` or a `pressure`.
+    """
+
+    shape: Shape
+    """Outline from above; any but a wheel."""
+
+    position: Position
+    """Where its centre is [m]. It covers a part of a column in the grid at least."""
+
+    heading: NotRequired[float]
+    """Compass bearing of its front [°]."""
+
+    mass: NotRequired[float | None]
+    """Mass [kg], which presses on all of the outline."""
+
+    pressure: NotRequired[float | None]
+    """Pressure [Pa]."""
 
 
 State: TypeAlias = Literal["running", "paused", "stepping", "hibernating"]

@@ -1,4 +1,4 @@
-use firn_protocol::{Settings, Stamp};
+use firn_protocol::{Pressing, Settings, Stamp};
 
 use super::*;
 

@@ -163,7 +163,7 @@ impl Simulation {
                         paused: view.settings.paused,
                         objects: objects
                             .map(|object| {
-                                (object.id.parse().unwrap_or(u8::MAX), object.object.mass as u32)
+                                (object.id.parse().unwrap_or(u8::MAX), object.body.mass as u32)
                             })
                             .collect(),
                         token,

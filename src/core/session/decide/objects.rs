@@ -7,7 +7,7 @@ use firn_protocol::{
     BatchOutcome, BatchResult, BatchResults, ColliderBatch, ColliderPatch, ColliderSpec,
     FieldError, OnError,
 };
-use firn_snow::{Grid, MOST_CORNERS, MOST_FOOTPRINTS, Object, Shape};
+use firn_snow::{Body, Grid, MOST_CORNERS, MOST_FOOTPRINTS, Shape};
 
 use crate::core::session::{
     Check, Collider, Command, Decision, Invalid, Reach, SessionError, SessionState, Told,
@@ -46,7 +46,7 @@ impl SessionState {
         if let Some(most) = most.filter(|most| created && self.colliders.len() >= *most) {
             check.reject("", format!("a session may have at most {most} colliders"));
         }
-        let object = spec.object();
+        let object = spec.body();
         check.object("", &id, &object, &self.grid);
         check.finish()?;
         let command = Command::Objects { removed: Vec::new(), put: vec![(id.clone(), object)] };
@@ -60,7 +60,7 @@ impl SessionState {
         most: Option<usize>,
     ) -> Result<Decision, SessionError> {
         let old = self.known_collider(id)?;
-        let spec = ColliderSpec { id: Some(id.to_owned()), ..patch.clone().apply(&old.object) };
+        let spec = ColliderSpec { id: Some(id.to_owned()), ..patch.clone().apply(&old.body) };
         self.decide_object(&spec, most)
     }
 
@@ -99,7 +99,7 @@ impl SessionState {
         let Command::Objects { removed, put } = command else { return (0, 0) };
         let words = |id: &Arc<str>| self.colliders.get(id).map_or(0, |it| it.reach.words());
         let named: BTreeSet<&Arc<str>> = removed.iter().chain(put.iter().map(|it| &it.0)).collect();
-        let more = |object: &Object| Reach::new(object, &self.grid).words();
+        let more = |object: &Body| Reach::new(object, &self.grid).words();
         (named.into_iter().map(words).sum(), put.iter().map(|(_, object)| more(object)).sum())
     }
 
@@ -118,7 +118,7 @@ struct Entries<'a> {
     /// Names of those that are put.
     named: BTreeSet<&'a str>,
     removed: Vec<Arc<str>>,
-    objects: Vec<(Arc<str>, Object)>,
+    objects: Vec<(Arc<str>, Body)>,
     /// What is wrong with any of them.
     invalid: Check,
 }
@@ -150,7 +150,7 @@ impl<'a> Entries<'a> {
     fn put(&mut self, i: usize, spec: &'a ColliderSpec) -> BatchResult {
         let at = format!("/put/{i}");
         let mut check = Check::default();
-        let object = spec.object();
+        let object = spec.body();
         let id = spec.id.as_deref().unwrap_or_default();
         if spec.id.is_none() {
             check.reject(format!("{at}/id"), "is missing; a batch names its colliders");
@@ -180,7 +180,7 @@ impl<'a> Entries<'a> {
 
 impl Check {
     /// Notes what is wrong with an object.
-    pub fn object(&mut self, at: &str, id: &str, object: &Object, grid: &Grid) {
+    pub fn object(&mut self, at: &str, id: &str, object: &Body, grid: &Grid) {
         let before = self.errors().len();
         self.id(format!("{at}/id"), id);
         self.range(format!("{at}/mass"), object.mass, f64::MIN_POSITIVE, 1e9, "kg");

@@ -38,8 +38,8 @@ pub struct Part {
 /// A rigid, level object that stands on the snow.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = Body))]
-pub struct Object {
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct Body {
     /// Mass \[kg\].
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1e9))]
     pub mass: f64,
@@ -68,7 +68,7 @@ impl Part {
     }
 }
 
-impl Object {
+impl Body {
     /// The outlines on which it stands, each with where its centre is and how it is turned.
     pub fn outlines(&self) -> impl Iterator<Item = (&Shape, Position, Turn)> {
         let whole = self.shape.iter().map(|shape| (shape, self.position, Turn::new(self.heading)));
@@ -129,12 +129,12 @@ mod tests {
 
     #[test]
     fn feet_stand_beside_each_other_and_turn_with_the_walker() {
-        let walker = |heading| Object {
+        let walker = |heading| Body {
             mass: 80.0,
             footprints: vec![foot(-0.2), foot(0.2)],
             position: Position { x: 2.05, z: 2.05 },
             heading,
-            ..Object::default()
+            ..Body::default()
         };
         let columns = |heading| -> Vec<Vec<(u32, u32)>> {
             let footprints = walker(heading).on(&GRID).expect("it stands in the grid");
@@ -153,10 +153,10 @@ mod tests {
 
     #[test]
     fn an_object_stands_where_one_of_its_outlines_has_a_column() {
-        let walker = |x| Object {
+        let walker = |x| Body {
             footprints: vec![foot(-0.2), foot(0.2)],
             position: Position { x, z: 2.05 },
-            ..Object::default()
+            ..Body::default()
         };
         let half_out = walker(0.05).on(&GRID).expect("the right foot is in the grid");
         assert_eq!((half_out[0].spans.len(), half_out[0].overhang), (0, 3));
@@ -166,11 +166,11 @@ mod tests {
 
     #[test]
     fn bounds_hold_every_outline() {
-        let walker = Object {
+        let walker = Body {
             footprints: vec![foot(-0.2), foot(0.2)],
             position: Position { x: 2.0, z: 2.0 },
             heading: 90.0,
-            ..Object::default()
+            ..Body::default()
         };
         let (low, high) = walker.bounds();
         let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
