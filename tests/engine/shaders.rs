@@ -109,7 +109,8 @@ fn host_and_shaders_agree_on_every_struct() {
             gold,
         }
     );
-    compare_layout!(kernel("stamp"), Stamp { columns, first_share, result, pressure, width });
+    let stamp = kernel("stamp");
+    compare_layout!(stamp, Stamp { columns, first_share, result, pressure, width });
     compare_layout!(module, Run { cycles, flags, rate, tally, step });
     compare_layout!(module, Tile { session, page, row, shape });
     compare_layout!(module, Tally { last_change, active_tiles, mass_low, mass_high });

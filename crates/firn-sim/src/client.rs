@@ -7,7 +7,8 @@ use std::time::Instant;
 
 use firn::session::{Applied, Change, Once, SessionError, Sessions, Tokens};
 use firn_protocol::{
-    AirTemperature, Clearing, ColliderSpec, Region, SessionSpec, SettingsPatch, Snowfall, StepSpec,
+    AirTemperature, Clearing, ColliderSpec, Part, Region, SessionSpec, SettingsPatch, Snowfall,
+    StampBatch, StampSpec, StepSpec,
 };
 use firn_snow::{Grid, Position, Shape};
 
@@ -149,6 +150,32 @@ fn token(tokens: &Tokens) -> Heard {
     Heard::Token(tokens.hashes().token.to_hex().to_string())
 }
 
+/// An object: a disk, a turned box, a wheel, or what stands on two feet. Some hang over the edge.
+fn put(object: u8, mass: u32) -> ColliderSpec {
+    let number = f64::from(object);
+    let foot = |x: f64| Part {
+        shape: Shape::Capsule { length: 0.4, radius: 0.1 },
+        offset: Position { x, z: 0.0 },
+        heading: 10.0 * x,
+    };
+    let (shape, footprints) = match object {
+        0 => (Some(Shape::Disk { radius: 0.3 }), None),
+        1 => (Some(Shape::Box { width: 0.2, depth: 0.9 }), None),
+        2 => (Some(Shape::Wheel { width: 0.3, radius: 0.4 }), None),
+        _ => (None, Some(vec![foot(-0.2), foot(0.2)])),
+    };
+    ColliderSpec {
+        id: Some(object.to_string()),
+        mass: f64::from(mass),
+        shape,
+        footprints,
+        position: Position { x: 0.2 * number, z: 0.8 },
+        heading: 30.0 * number,
+        // Now and then it is held up.
+        airborne: mass % 7 == 0,
+    }
+}
+
 fn change(operation: &Operation, spec: &SessionSpec) -> Change {
     match *operation {
         Operation::Snowfall(depth) => Change::Snowfall(Snowfall::new(metres(depth, &spec.grid))),
@@ -161,12 +188,15 @@ fn change(operation: &Operation, spec: &SessionSpec) -> Change {
         Operation::Air(celsius) => {
             Change::AirTemperature(AirTemperature { celsius: f64::from(celsius) })
         }
-        Operation::Put(object, mass) => Change::PutCollider(ColliderSpec {
-            id: Some(object.to_string()),
-            mass: f64::from(mass),
-            shape: Some(Shape::Disk { radius: 0.3 }),
-            position: Position { x: 0.2 * f64::from(object), z: 0.8 },
-            ..ColliderSpec::default()
+        Operation::Put(object, mass) => Change::PutCollider(put(object, mass)),
+        Operation::Stamp(place, kilopascals) => Change::Stamps(StampBatch {
+            stamps: vec![StampSpec {
+                shape: Shape::Box { width: 0.3, depth: 0.5 },
+                position: Position { x: 0.3 * f64::from(place), z: 0.6 },
+                heading: 25.0 * f64::from(place),
+                mass: None,
+                pressure: Some(1000.0 * f64::from(kilopascals)),
+            }],
         }),
         Operation::Remove(object) => Change::DeleteCollider { id: object.to_string() },
         Operation::Pause(paused) => {

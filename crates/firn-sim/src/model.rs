@@ -33,6 +33,8 @@ pub enum Operation {
     Put(u8, u32),
     /// An object is taken away.
     Remove(u8),
+    /// A print is pressed somewhere, by so many kPa.
+    Stamp(u8, u8),
     /// So many ticks are taken, where its time stands still.
     Step(u64),
     /// The step under way ends.
@@ -280,6 +282,8 @@ impl Model {
             Operation::Create(_) | Operation::Delete => {}
             // Counted elsewhere.
             Operation::Clear(..) | Operation::Step(_) | Operation::EndStep => {}
+            // It takes no mass along.
+            Operation::Stamp(..) => {}
             Operation::Snowfall(depth) => state.fallen += self.mass(metres(depth, &self.spec.grid)),
             Operation::Air(celsius) => state.air = celsius,
             Operation::Pause(paused) => state.paused = paused,

@@ -86,11 +86,12 @@ impl Simulation {
             0..8 => Operation::Create(beginning),
             8..12 => Operation::Delete,
             12..50 => Operation::Snowfall(self.dice.random_range(1..60)),
-            50..58 => {
+            50..55 => {
                 let (depth, columns) =
                     (self.dice.random_range(0..900), self.dice.random_range(1..9));
                 Operation::Clear(depth, columns)
             }
+            55..58 => Operation::Stamp(object, self.dice.random_range(1..20)),
             58..62 => Operation::Reissue,
             62..70 => Operation::Air(-self.dice.random_range(1..30)),
             70..78 => Operation::Pause(self.dice.random_bool(0.3)),
