@@ -87,7 +87,7 @@ async fn walk(field: &Session, seconds: f64) -> Result<(), Failure> {
             told.note(sinks[0], walker.choose(ways, sinks));
         }
         let put = walkers.iter().map(Walker::collider).collect();
-        let batch = ColliderBatch { put, delete: Vec::new() };
+        let batch = ColliderBatch { put, ..ColliderBatch::default() };
         let tick = change(&mut stream, &Command::Colliders { id: step, batch }).await?;
         if step % RATE as i64 == 0 {
             told.print(tick);
@@ -174,8 +174,9 @@ impl Walker {
         ColliderSpec {
             id: Some(self.name.clone()),
             mass: MASS,
-            shape: Shape::Disk { radius: RADIUS },
+            shape: Some(Shape::Disk { radius: RADIUS }),
             position: Position { x: self.x, z: self.z },
+            ..ColliderSpec::default()
         }
     }
 }

@@ -48,10 +48,11 @@ fn objects(count: usize) -> ColliderBatch {
     let object = |number: usize| ColliderSpec {
         id: Some(format!("object-{number}")),
         mass: 10.0,
-        shape: Shape::Disk { radius: 0.3 },
+        shape: Some(Shape::Disk { radius: 0.3 }),
         position: Position { x: 2.0 + 0.01 * number as f64, z: 2.0 },
+        ..ColliderSpec::default()
     };
-    ColliderBatch { put: (0..count).map(object).collect(), delete: Vec::new() }
+    ColliderBatch { put: (0..count).map(object).collect(), ..ColliderBatch::default() }
 }
 
 /// Makes sessions, does something with each, and sees to it that the memory that they take is what
