@@ -108,8 +108,9 @@ fn stamp(
         if any(position < load.columns.xy) || any(position >= load.columns.zw) {
             continue;
         }
-        let from = position - load.columns.xy;
-        let share = shares[load.first_share + from.y * (load.columns.z - load.columns.x) + from.x];
+        let place_in = position - load.columns.xy;
+        let width = load.columns.z - load.columns.x;
+        let share = shares[load.first_share + place_in.y * width + place_in.x];
         if share == 0u {
             continue;
         }
