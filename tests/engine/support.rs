@@ -206,7 +206,8 @@ pub fn any_stamp(dice: &mut Dice, grid: &Grid) -> Edit {
     let (x, z) = (dice.range(0.0, metres(grid.width)), dice.range(0.0, metres(grid.depth)));
     let (shape, turn) = (any_shape(dice, 2.0), Turn::new(dice.range(0.0, 360.0)));
     let width = shape.area().sqrt() as f32;
-    let load = SurfaceLoad { pressure: dice.range(100.0, 20_000.0) as f32, width };
+    let pressure = 10_f64.powf(dice.range(2.0, 6.0)) as f32;
+    let load = SurfaceLoad { pressure, width };
     match Coverage::new(grid, &shape, Position { x, z }, turn) {
         Some(coverage) => Edit::Stamp(Arc::new(Stamp { coverage, load })),
         // It missed the grid.

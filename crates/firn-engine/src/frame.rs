@@ -182,6 +182,14 @@ pub enum Edit {
 }
 
 impl Edit {
+    /// How the results of two parts of it are joined: masses add up, of dents the deepest counts.
+    pub fn joining(&self) -> fn(u64, u64) -> u64 {
+        match self {
+            Edit::Stamp(_) => u64::max,
+            _ => u64::saturating_add,
+        }
+    }
+
     /// The columns that it changes, where it changes snow.
     pub fn columns(&self) -> Option<ColumnRect> {
         match self {

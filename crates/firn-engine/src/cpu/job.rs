@@ -127,7 +127,7 @@ impl Job {
         if self.outcome.edits.len() == self.edit {
             self.outcome.edits.push(0);
         }
-        let next = self.next;
+        let (next, joining) = (self.next, edit.joining());
         let (result, units, end) = match edit {
             Edit::Deposit(fall) => {
                 let part = row_of(fall.columns, next);
@@ -143,7 +143,7 @@ impl Job {
                 let part = row_of(columns, next);
                 let dent = u64::from(snowpack.stamp(part, &stamp.coverage, stamp.load));
                 let units = part.columns() * u64::from(snowpack.grid().height);
-                (dent.saturating_sub(self.outcome.edits[self.edit]), units, rows_of(columns))
+                (dent, units, rows_of(columns))
             }
             Edit::PutCollider { id, collider, placed } => {
                 let footprints = collider.footprints.clone();
@@ -177,7 +177,8 @@ impl Job {
                 (0, cells_of(snowpack.grid()), end)
             }
         };
-        self.outcome.edits[self.edit] += result;
+        let all = &mut self.outcome.edits[self.edit];
+        *all = joining(*all, result);
         self.next += 1;
         if self.next >= end {
             (self.edit, self.next) = (self.edit + 1, 0);

@@ -33,6 +33,8 @@ pub struct Job {
     done: u32,
     at_once: u32,
     cycle: u32,
+    /// How the results of parts of each edit are joined.
+    joining: Vec<fn(u64, u64) -> u64>,
     /// The cycles have begun.
     runs: bool,
     outcome: WorkOutcome,
@@ -62,6 +64,7 @@ impl Job {
     pub fn new(mut work: Work) -> Job {
         let edits = (0..).zip(std::mem::take(&mut work.edits)).collect::<Vec<_>>();
         let count = edits.len();
+        let joining = edits.iter().map(|(_, edit)| edit.joining()).collect();
         let rounds = rounds(edits).into_iter().map(|(edits, _)| edits).collect();
         let outcome =
             WorkOutcome { slot: work.slot, edits: vec![0; count], ..WorkOutcome::default() };
@@ -76,6 +79,7 @@ impl Job {
             at_once: 0,
             cycle: 0,
             runs: false,
+            joining,
             outcome,
         };
         job.begin_round();
@@ -158,8 +162,9 @@ impl Job {
 
     /// Takes in what came of a part.
     pub fn take_in(&mut self, part: &Flown, outcome: WorkOutcome) -> WorkOutcome {
-        for (sum, own) in self.outcome.edits.iter_mut().zip(&outcome.edits) {
-            *sum += own;
+        let edits = self.outcome.edits.iter_mut().zip(&outcome.edits);
+        for ((all, own), joining) in edits.zip(&self.joining) {
+            *all = joining(*all, *own);
         }
         if outcome.last_change > 0 {
             self.outcome.last_change = part.done + outcome.last_change;
