@@ -5,7 +5,7 @@ use std::fmt;
 use std::mem::size_of;
 use std::sync::Arc;
 
-use firn_protocol::{ColliderView, MemoryBytes, UsageView};
+use firn_protocol::{Body, ColliderView, MemoryBytes, UsageView};
 
 use crate::core::record::heap_bytes;
 use crate::core::session::{Collider, EVENT_BACKLOG, Ground, Happening, Simulation};
@@ -13,6 +13,9 @@ use crate::session::handle::Session;
 
 /// What an object takes beside its descriptions: its name, places in maps, and its load.
 const OBJECT: usize = 208;
+
+/// What an engine knows of a footprint: its columns and tiles.
+const FOOTPRINT: usize = 160;
 
 /// Events that wait for streams: there is room for as many from the beginning, each with what tells
 /// who has seen it.
@@ -45,19 +48,22 @@ impl Session {
     }
 
     fn host_memory(&self) -> usize {
-        let (mirror, objects) = {
+        let (mirror, objects, outlines, footprints) = {
             let mirror = self.mirror();
+            let bodies = || mirror.colliders.iter().map(|collider| &collider.body);
+            let outlines = bodies().map(Body::heap_bytes).sum::<usize>();
+            let footprints = bodies().map(|body| body.outlines().count()).sum::<usize>();
             let changed = Some(&mirror.ground).filter(|ground| !ground.is(&self.ground));
             let ground = self.ground.bytes() + changed.map_or(0, Ground::bytes);
-            (ground + mirror.bytes(), mirror.colliders.len())
+            (ground + mirror.bytes(), mirror.colliders.len(), outlines, footprints)
         };
         let own = size_of::<Session>() + EVENTS + heap_bytes(&self.spec) + mirror;
-        let views = objects * (size_of::<ColliderView>() + OBJECT);
+        let views = objects * (size_of::<ColliderView>() + OBJECT) + outlines;
         if self.is_hibernating() {
             return own + views;
         }
         let tiles = self.spec.grid.tiles() as usize * TILE;
         let simulation = size_of::<Simulation>() + objects * (size_of::<Collider>() + OBJECT);
-        own + views + tiles + simulation
+        own + views + tiles + simulation + outlines + footprints * FOOTPRINT
     }
 }

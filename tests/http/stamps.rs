@@ -22,7 +22,7 @@ fn packed() -> Value {
         "preset": "game",
         "grid": {"width": 40, "depth": 40, "height": 30, "cell_size": 0.05},
         "paused": true,
-        "initial_snow": [{"depth": 0.6, "density": 150, "temperature": -4}]
+        "initial_snow": [{"depth": 0.6, "density": 100, "temperature": -4}]
     })
 }
 

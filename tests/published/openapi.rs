@@ -84,6 +84,7 @@ fn it_lists_every_call() {
         "get /digest",
         "post /probes",
         "post /samples",
+        "post /stamps",
         "get /stream",
     ] {
         let (method, path) = call.split_once(' ').expect("a method and a path");
