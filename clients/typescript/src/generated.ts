@@ -77,6 +77,20 @@ export interface components {
             /** @description One for each entry of `delete`, in their order. */
             delete: components["schemas"]["BatchResult"][];
         };
+        /** @description A rigid, level object that stands on the snow. */
+        Body: {
+            /** @description Mass [kg]. */
+            mass: number;
+            shape?: components["schemas"]["Shape"] | null;
+            /** @description The outlines on which it stands, where it is not one `shape`. */
+            footprints?: components["schemas"]["Part"][];
+            /** @description Where its centre is [m]. */
+            position: components["schemas"]["Position"];
+            /** @description Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east). */
+            heading: number;
+            /** @description Whether it is held up: then it presses nothing. */
+            airborne: boolean;
+        };
         /** @description A cell of the fixed grid. */
         CellOrigin: {
             /** @description Along x. */
@@ -177,7 +191,7 @@ export interface components {
             mass?: number | null;
             shape?: components["schemas"]["Shape"] | null;
             /** @description Outlines that it stands on, in place of what it stood on. */
-            footprints?: components["schemas"]["Part"][] | null;
+            footprints?: components["schemas"]["PartSpec"][] | null;
             position?: components["schemas"]["Position"] | null;
             /** @description Compass bearing of its front [°]. */
             heading?: number | null;
@@ -209,7 +223,7 @@ export interface components {
              * @description Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
              *     rigid body; its weight is shared by the contact of each.
              */
-            footprints?: components["schemas"]["Part"][] | null;
+            footprints?: components["schemas"]["PartSpec"][] | null;
             /** @description Where its centre is [m]. */
             position: components["schemas"]["Position"];
             /** @description Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east). */
@@ -218,7 +232,7 @@ export interface components {
             airborne?: boolean;
         };
         /** @description An object on the snow and how it stands there. */
-        ColliderView: Record<string, never> & {
+        ColliderView: components["schemas"]["Body"] & {
             /** @description Its name. */
             id: string;
             /** @description Elevation of its bottom [m]. */
@@ -700,6 +714,15 @@ export interface components {
         };
         /** @description One of several outlines on which an object stands: a foot, or a wheel. */
         Part: {
+            /** @description Its outline from above. */
+            shape: components["schemas"]["Shape"];
+            /** @description Where its centre is, seen from the object's [m]: x to the object's right, z forward. */
+            offset: components["schemas"]["Position"];
+            /** @description How far it is turned against the object [°], clockwise from above. */
+            heading: number;
+        };
+        /** @description One of several outlines on which an object stands: a foot, or a wheel. */
+        PartSpec: {
             /** @description Its outline from above. */
             shape: components["schemas"]["Shape"];
             /** @description Where its centre is, seen from the object's [m]: x to the object's right, z forward. */
@@ -1429,6 +1452,7 @@ export type BatchOutcome = components['schemas']['BatchOutcome'];
 export type BatchReply = components['schemas']['BatchReply'];
 export type BatchResult = components['schemas']['BatchResult'];
 export type BatchResults = components['schemas']['BatchResults'];
+export type Body = components['schemas']['Body'];
 export type CellOrigin = components['schemas']['CellOrigin'];
 export type CellsView = components['schemas']['CellsView'];
 export type CheckpointList = components['schemas']['CheckpointList'];
@@ -1488,6 +1512,7 @@ export type Origin = components['schemas']['Origin'];
 export type Page_ColliderView = components['schemas']['Page_ColliderView'];
 export type Page_SessionView = components['schemas']['Page_SessionView'];
 export type Part = components['schemas']['Part'];
+export type PartSpec = components['schemas']['PartSpec'];
 export type PingMessage = components['schemas']['PingMessage'];
 export type PlainEvent = components['schemas']['PlainEvent'];
 export type PongMessage = components['schemas']['PongMessage'];

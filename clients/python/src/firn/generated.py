@@ -74,6 +74,26 @@ class BatchResults(TypedDict):
     """One for each entry of `delete`, in their order."""
 
 
+class Body(TypedDict):
+    """A rigid, level object that stands on the snow."""
+
+    mass: float
+    """Mass [kg]."""
+
+    shape: NotRequired[Shape | None]
+    footprints: NotRequired[list[Part]]
+    """The outlines on which it stands, where it is not one `shape`."""
+
+    position: Position
+    """Where its centre is [m]."""
+
+    heading: float
+    """Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east)."""
+
+    airborne: bool
+    """Whether it is held up: then it presses nothing."""
+
+
 class CellOrigin(TypedDict):
     """A cell of the fixed grid."""
 
@@ -172,7 +192,7 @@ class ColliderPatch(TypedDict):
     """Mass [kg]."""
 
     shape: NotRequired[Shape | None]
-    footprints: NotRequired[list[Part] | None]
+    footprints: NotRequired[list[PartSpec] | None]
     """Outlines that it stands on, in place of what it stood on."""
 
     position: NotRequired[Position | None]
@@ -206,7 +226,7 @@ class ColliderSpec(TypedDict):
     """Mass [kg]."""
 
     shape: NotRequired[Shape | None]
-    footprints: NotRequired[list[Part] | None]
+    footprints: NotRequired[list[PartSpec] | None]
     """
     Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
     rigid body; its weight is shared by the contact of each.
@@ -222,7 +242,7 @@ class ColliderSpec(TypedDict):
     """Whether it is held up: then it presses nothing."""
 
 
-class ColliderView(TypedDict):
+class ColliderView(Body):
     """An object on the snow and how it stands there."""
 
     id: str
@@ -759,6 +779,19 @@ class PageSessionView(TypedDict):
 
 
 class Part(TypedDict):
+    """One of several outlines on which an object stands: a foot, or a wheel."""
+
+    shape: Shape
+    """Its outline from above."""
+
+    offset: Position
+    """Where its centre is, seen from the object's [m]: x to the object's right, z forward."""
+
+    heading: float
+    """How far it is turned against the object [°], clockwise from above."""
+
+
+class PartSpec(TypedDict):
     """One of several outlines on which an object stands: a foot, or a wheel."""
 
     shape: Shape
