@@ -21,6 +21,7 @@ export interface components {
             celsius?: number;
             collider?: components["schemas"]["ColliderView"];
             results?: components["schemas"]["BatchResults"];
+            stamps?: components["schemas"]["PrintView"][];
             probes?: components["schemas"]["ProbeView"][];
             fields?: components["schemas"]["SampleFields"];
         };
@@ -1198,6 +1199,14 @@ export interface components {
             /** @description Pressure [Pa]. */
             pressure?: number | null;
         };
+        /** @description Presses prints into the snow, as POST …/stamps. */
+        StampsMessage: {
+            /** @constant */
+            op: "stamps";
+            id: components["schemas"]["Id"];
+            /** @description The loads, in order. They may cover 4 194 304 columns together. */
+            stamps: components["schemas"]["StampSpec"][];
+        };
         /**
          * @description What a session is doing.
          * @enum {string}
@@ -1554,6 +1563,7 @@ export type Stamp = components['schemas']['Stamp'];
 export type StampBatch = components['schemas']['StampBatch'];
 export type StampReply = components['schemas']['StampReply'];
 export type StampSpec = components['schemas']['StampSpec'];
+export type StampsMessage = components['schemas']['StampsMessage'];
 export type State = components['schemas']['State'];
 export type StepProgressEvent = components['schemas']['StepProgressEvent'];
 export type StepSpec = components['schemas']['StepSpec'];

@@ -18,6 +18,7 @@ class AckMessage(TypedDict):
     celsius: NotRequired[float]
     collider: NotRequired[ColliderView]
     results: NotRequired[BatchResults]
+    stamps: NotRequired[list[PrintView]]
     probes: NotRequired[list[ProbeView]]
     fields: NotRequired[SampleFields]
 
@@ -1586,6 +1587,15 @@ class StampSpec(TypedDict):
 
     pressure: NotRequired[float | None]
     """Pressure [Pa]."""
+
+
+class StampsMessage(TypedDict):
+    """Presses prints into the snow, as POST …/stamps."""
+
+    op: Literal["stamps"]
+    id: Id
+    stamps: list[StampSpec]
+    """The loads, in order. They may cover 4 194 304 columns together."""
 
 
 State: TypeAlias = Literal["running", "paused", "stepping", "hibernating"]
