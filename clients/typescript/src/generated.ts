@@ -54,7 +54,7 @@ export interface components {
          */
         Auth: "open" | "required";
         /**
-         * @description What was done of an entry of a batch.
+         * @description What happened to an entry of a batch.
          * @enum {string}
          */
         BatchOutcome: "created" | "replaced" | "removed" | "absent" | "skipped";
@@ -62,16 +62,16 @@ export interface components {
         BatchReply: components["schemas"]["Stamp"] & {
             results?: components["schemas"]["BatchResults"] | null;
         };
-        /** @description What was done of one entry of a batch. */
+        /** @description Result of one entry of a batch. */
         BatchResult: {
-            /** @description Name of the collider, as far as it was told. */
+            /** @description Name of the collider, if the entry has one. */
             id: string | null;
-            /** @description What was done. */
+            /** @description What happened to it. */
             result: components["schemas"]["BatchOutcome"];
-            /** @description Why it was skipped: what is wrong, each with where in the batch. */
+            /** @description Why it was skipped: what is wrong, and where in the batch. */
             errors?: components["schemas"]["FieldError"][];
         };
-        /** @description What was done of a batch, entry by entry. */
+        /** @description Results of a batch, entry by entry. */
         BatchResults: {
             /** @description One for each entry of `put`, in their order. */
             put: components["schemas"]["BatchResult"][];
@@ -173,7 +173,7 @@ export interface components {
             put?: components["schemas"]["ColliderSpec"][];
             /** @description Ids of colliders to remove. One that is not there is no error. */
             delete?: string[];
-            /** @description What is done where one of them is in error. */
+            /** @description What happens if one of them is invalid. */
             on_error?: components["schemas"]["OnError"];
         };
         /** @description Removes a collider, as DELETE …/colliders/{cid}. */
@@ -681,14 +681,14 @@ export interface components {
             host: number;
             /**
              * @description What brings it back: its newest checkpoint and the changes since, the snapshot that it was made
-             *     from, and what came of requests that carry an `Idempotency-Key`.
+             *     from, and the answers to requests with an `Idempotency-Key`.
              */
             journal: number;
             /** @description Tiles encoded for its streams, and the buffers of those that are open. */
             streams: number;
         };
         /**
-         * @description What a batch does where one of its entries is in error.
+         * @description What a batch does if one of its entries is invalid.
          * @enum {string}
          */
         OnError: "refuse" | "skip";
@@ -1172,8 +1172,8 @@ export interface components {
         /** @description Loads that press prints into the snow, in one frame. */
         StampBatch: {
             /**
-             * @description The loads, in order: where prints overlap, the later finds the snow as the earlier left it. They may cover
-             *     4 194 304 columns together.
+             * @description The loads, in order: where prints overlap, a later one is pressed into the snow that the earlier one left.
+             *     Together they may cover 4 194 304 columns.
              */
             stamps: components["schemas"]["StampSpec"][];
         };
@@ -1190,11 +1190,11 @@ export interface components {
         StampSpec: {
             /** @description Outline from above; any but a wheel. */
             shape: components["schemas"]["Shape"];
-            /** @description Where its centre is [m]. It covers a part of a column in the grid at least. */
+            /** @description Where its centre is [m]. The outline must cover some of the grid. */
             position: components["schemas"]["Position"];
             /** @description Compass bearing of its front [°]. */
             heading?: number;
-            /** @description Mass [kg], which presses on all of the outline. */
+            /** @description Mass [kg], spread over the whole outline. */
             mass?: number | null;
             /** @description Pressure [Pa]. */
             pressure?: number | null;
@@ -1204,7 +1204,7 @@ export interface components {
             /** @constant */
             op: "stamps";
             id: components["schemas"]["Id"];
-            /** @description The loads, in order. They may cover 4 194 304 columns together. */
+            /** @description The loads, in order. Together they may cover 4 194 304 columns. */
             stamps: components["schemas"]["StampSpec"][];
         };
         /**

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::session::{Settings, given};
 
-/// What a session is created with, in full. `POST /v1/sessions` takes it as a [`SessionBody`], which may leave out
-/// whatever it likes, and reading one fills in what it leaves out.
+/// What a session is created with, in full. `POST /v1/sessions` takes a [`SessionBody`], in which every field is
+/// optional; reading one fills in the rest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "SessionBody")]
 pub struct SessionSpec {

@@ -53,20 +53,20 @@ BatchOutcome: TypeAlias = Literal["created", "replaced", "removed", "absent", "s
 
 
 class BatchResult(TypedDict):
-    """What was done of one entry of a batch."""
+    """Result of one entry of a batch."""
 
     id: str | None
-    """Name of the collider, as far as it was told."""
+    """Name of the collider, if the entry has one."""
 
     result: BatchOutcome
-    """What was done."""
+    """What happened to it."""
 
     errors: NotRequired[list[FieldError]]
-    """Why it was skipped: what is wrong, each with where in the batch."""
+    """Why it was skipped: what is wrong, and where in the batch."""
 
 
 class BatchResults(TypedDict):
-    """What was done of a batch, entry by entry."""
+    """Results of a batch, entry by entry."""
 
     put: list[BatchResult]
     """One for each entry of `put`, in their order."""
@@ -174,7 +174,7 @@ class ColliderBatch(TypedDict):
     """Ids of colliders to remove. One that is not there is no error."""
 
     on_error: NotRequired[OnError]
-    """What is done where one of them is in error."""
+    """What happens if one of them is invalid."""
 
 
 class ColliderDeleteMessage(TypedDict):
@@ -739,7 +739,7 @@ class MemoryBytes(TypedDict):
     journal: int
     """
     What brings it back: its newest checkpoint and the changes since, the snapshot that it was made
-    from, and what came of requests that carry an `Idempotency-Key`.
+    from, and the answers to requests with an `Idempotency-Key`.
     """
 
     streams: int
@@ -1554,8 +1554,8 @@ class StampBatch(TypedDict):
 
     stamps: list[StampSpec]
     """
-    The loads, in order: where prints overlap, the later finds the snow as the earlier left it. They may cover
-    4 194 304 columns together.
+    The loads, in order: where prints overlap, a later one is pressed into the snow that the earlier one left.
+    Together they may cover 4 194 304 columns.
     """
 
 
@@ -1577,13 +1577,13 @@ class StampSpec(TypedDict):
     """Outline from above; any but a wheel."""
 
     position: Position
-    """Where its centre is [m]. It covers a part of a column in the grid at least."""
+    """Where its centre is [m]. The outline must cover some of the grid."""
 
     heading: NotRequired[float]
     """Compass bearing of its front [°]."""
 
     mass: NotRequired[float | None]
-    """Mass [kg], which presses on all of the outline."""
+    """Mass [kg], spread over the whole outline."""
 
     pressure: NotRequired[float | None]
     """Pressure [Pa]."""
@@ -1595,7 +1595,7 @@ class StampsMessage(TypedDict):
     op: Literal["stamps"]
     id: Id
     stamps: list[StampSpec]
-    """The loads, in order. They may cover 4 194 304 columns together."""
+    """The loads, in order. Together they may cover 4 194 304 columns."""
 
 
 State: TypeAlias = Literal["running", "paused", "stepping", "hibernating"]
