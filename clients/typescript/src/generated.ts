@@ -89,7 +89,7 @@ export interface components {
             position: components["schemas"]["Position"];
             /** @description Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east). */
             heading: number;
-            /** @description Whether it is held up: then it presses nothing. */
+            /** @description Whether it is held up and does not press the snow. */
             airborne: boolean;
         };
         /** @description A cell of the fixed grid. */
@@ -191,7 +191,7 @@ export interface components {
             /** @description Mass [kg]. */
             mass?: number | null;
             shape?: components["schemas"]["Shape"] | null;
-            /** @description Outlines that it stands on, in place of what it stood on. */
+            /** @description New outlines; they replace a single shape too. */
             footprints?: components["schemas"]["PartSpec"][] | null;
             position?: components["schemas"]["Position"] | null;
             /** @description Compass bearing of its front [°]. */
@@ -211,8 +211,8 @@ export interface components {
         /**
          * @description An object that stands on the snow.
          *
-         *     It has either a `shape` or `footprints`. One of its columns must be in the grid; what hangs over the edge has
-         *     full support of its own.
+         *     It has either a `shape` or `footprints`. One of its columns must be in the grid; the part beyond the edge is
+         *     fully supported.
          */
         ColliderSpec: {
             /** @description Name, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none. */
@@ -221,15 +221,15 @@ export interface components {
             mass: number;
             shape?: components["schemas"]["Shape"] | null;
             /**
-             * @description Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
-             *     rigid body; its weight is shared by the contact of each.
+             * @description Its outlines, if it has several: the feet of a walker, the wheels of a car. It is one rigid body, and each
+             *     outline carries a part of its weight according to its contact.
              */
             footprints?: components["schemas"]["PartSpec"][] | null;
             /** @description Where its centre is [m]. */
             position: components["schemas"]["Position"];
             /** @description Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east). */
             heading?: number;
-            /** @description Whether it is held up: then it presses nothing. */
+            /** @description Whether it is held up and does not press the snow. */
             airborne?: boolean;
         };
         /** @description An object on the snow and how it stands there. */
@@ -764,7 +764,7 @@ export interface components {
          * @enum {string}
          */
         Preset: "thesis" | "powder" | "packed" | "wet" | "game";
-        /** @description How snow gives way under objects: it creeps as under its own weight, or is pressed to where it carries them, a full cell by its whole thickness in so many simulated seconds; at once for 0. */
+        /** @description How snow gives way under objects: it creeps as under its own weight, or is pressed to where it carries them. A number is the simulated time [s] in which a full cell would be pressed flat, 0 for at once. */
         Pressing: "creep" | number;
         /** @description A print in the snow. */
         PrintView: {
@@ -894,16 +894,16 @@ export interface components {
         SampleBatch: {
             /** @description The points, each [x, z] in metres, inside the grid. */
             points: number[][];
-            /** @description What is wanted of each, nothing twice. */
+            /** @description What to read at each, nothing twice. */
             fields?: components["schemas"]["SampleField"][];
             load?: components["schemas"]["Load"] | null;
         };
         /**
-         * @description Something that is wanted of a point.
+         * @description What can be read at a point.
          * @enum {string}
          */
         SampleField: "depth" | "ground" | "elevation" | "normal" | "density" | "hardness" | "sink";
-        /** @description Fields of points: of those that were asked for a value for each point, in their order; `null` for the others. */
+        /** @description Fields of points: each one that was asked for has a value for each point, in their order; the others are `null`. */
         SampleFields: {
             /** @description Snow depth [m], bilinear between the centres of columns. */
             depth: number[] | null;
@@ -965,7 +965,7 @@ export interface components {
             paused?: boolean;
             /** @description Continuous snowfall [m/h]. */
             snowfall_rate?: number;
-            /** @description How snow gives way under objects; the preset's way where nothing is said. */
+            /** @description How snow gives way under objects; by default the preset's way. */
             pressing?: components["schemas"]["Pressing"];
             /** @description Seconds without request or stream after which the session hibernates. */
             idle_timeout_s?: number | null;
@@ -985,7 +985,7 @@ export interface components {
             grid: components["schemas"]["Grid"];
             /** @description Material constants. */
             material: components["schemas"]["Material"];
-            /** @description Whether it was told a ground to lie on (`GET …/terrain`); without, the ground is level at 0. */
+            /** @description Whether it has a terrain (`GET …/terrain`); without one the ground is level at 0. */
             terrain: boolean;
             /** @description What it is doing. */
             state: components["schemas"]["State"];

@@ -8,8 +8,8 @@ use crate::session::Stamp;
 
 /// An object that stands on the snow.
 ///
-/// It has either a `shape` or `footprints`. One of its columns must be in the grid; what hangs over the edge has
-/// full support of its own.
+/// It has either a `shape` or `footprints`. One of its columns must be in the grid; the part beyond the edge is
+/// fully supported.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
@@ -19,11 +19,11 @@ pub struct ColliderSpec {
     /// Mass \[kg\].
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1e9))]
     pub mass: f64,
-    /// Outline from above, where it stands on one.
+    /// Outline from above, if it has just one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<Shape>,
-    /// Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
-    /// rigid body; its weight is shared by the contact of each.
+    /// Its outlines, if it has several: the feet of a walker, the wheels of a car. It is one rigid body, and each
+    /// outline carries a part of its weight according to its contact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(min_items = 1, max_items = 16))]
     pub footprints: Option<Vec<Part>>,
@@ -33,7 +33,7 @@ pub struct ColliderSpec {
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(minimum = -36_000, maximum = 36_000))]
     pub heading: f64,
-    /// Whether it is held up: then it presses nothing.
+    /// Whether it is held up and does not press the snow.
     #[serde(default)]
     pub airborne: bool,
 }
@@ -60,9 +60,9 @@ pub struct ColliderPatch {
     /// Mass \[kg\].
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1e9))]
     pub mass: Option<f64>,
-    /// Outline from above, in place of what it stood on.
+    /// New outline from above; it replaces footprints too.
     pub shape: Option<Shape>,
-    /// Outlines that it stands on, in place of what it stood on.
+    /// New outlines; they replace a single shape too.
     #[cfg_attr(feature = "schema", schema(min_items = 1, max_items = 16))]
     pub footprints: Option<Vec<Part>>,
     /// Where its centre is \[m\].

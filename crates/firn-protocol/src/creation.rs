@@ -69,7 +69,7 @@ pub struct SessionBody {
     /// Continuous snowfall \[m/h\].
     #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 100))]
     pub snowfall_rate: f64,
-    /// How snow gives way under objects; the preset's way where nothing is said.
+    /// How snow gives way under objects; by default the preset's way.
     #[cfg_attr(feature = "schema", schema(value_type = Pressing, required = false))]
     #[serde(deserialize_with = "given")]
     pub pressing: Option<Pressing>,

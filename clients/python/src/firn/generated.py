@@ -92,7 +92,7 @@ class Body(TypedDict):
     """Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east)."""
 
     airborne: bool
-    """Whether it is held up: then it presses nothing."""
+    """Whether it is held up and does not press the snow."""
 
 
 class CellOrigin(TypedDict):
@@ -194,7 +194,7 @@ class ColliderPatch(TypedDict):
 
     shape: NotRequired[Shape | None]
     footprints: NotRequired[list[PartSpec] | None]
-    """Outlines that it stands on, in place of what it stood on."""
+    """New outlines; they replace a single shape too."""
 
     position: NotRequired[Position | None]
     heading: NotRequired[float | None]
@@ -216,8 +216,8 @@ class ColliderSpec(TypedDict):
     """
     An object that stands on the snow.
 
-    It has either a `shape` or `footprints`. One of its columns must be in the grid; what hangs over the edge has
-    full support of its own.
+    It has either a `shape` or `footprints`. One of its columns must be in the grid; the part beyond the edge is
+    fully supported.
     """
 
     id: NotRequired[str | None]
@@ -229,8 +229,8 @@ class ColliderSpec(TypedDict):
     shape: NotRequired[Shape | None]
     footprints: NotRequired[list[PartSpec] | None]
     """
-    Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
-    rigid body; its weight is shared by the contact of each.
+    Its outlines, if it has several: the feet of a walker, the wheels of a car. It is one rigid body, and each
+    outline carries a part of its weight according to its contact.
     """
 
     position: Position
@@ -240,7 +240,7 @@ class ColliderSpec(TypedDict):
     """Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east)."""
 
     airborne: NotRequired[bool]
-    """Whether it is held up: then it presses nothing."""
+    """Whether it is held up and does not press the snow."""
 
 
 class ColliderView(Body):
@@ -1023,7 +1023,7 @@ class SampleBatch(TypedDict):
     """The points, each [x, z] in metres, inside the grid."""
 
     fields: NotRequired[list[SampleField]]
-    """What is wanted of each, nothing twice."""
+    """What to read at each, nothing twice."""
 
     load: NotRequired[Load | None]
 
@@ -1032,7 +1032,7 @@ SampleField: TypeAlias = Literal["depth", "ground", "elevation", "normal", "dens
 
 
 class SampleFields(TypedDict):
-    """Fields of points: of those that were asked for a value for each point, in their order; `null` for the others."""
+    """Fields of points: each one that was asked for has a value for each point, in their order; the others are `null`."""
 
     depth: list[float] | None
     """Snow depth [m], bilinear between the centres of columns."""
@@ -1112,7 +1112,7 @@ class SessionSpec(TypedDict):
     """Continuous snowfall [m/h]."""
 
     pressing: NotRequired[Pressing]
-    """How snow gives way under objects; the preset's way where nothing is said."""
+    """How snow gives way under objects; by default the preset's way."""
 
     idle_timeout_s: NotRequired[float | None]
     """Seconds without request or stream after which the session hibernates."""
@@ -1186,7 +1186,7 @@ class SessionView(Settings):
     """Material constants."""
 
     terrain: bool
-    """Whether it was told a ground to lie on (`GET …/terrain`); without, the ground is level at 0."""
+    """Whether it has a terrain (`GET …/terrain`); without one the ground is level at 0."""
 
     state: State
     """What it is doing."""
