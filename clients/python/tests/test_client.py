@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from firn import Client, ProblemError
-from firn.types import Box, Capsule, ColliderSpec, FootprintSpec, Load
+from firn.types import Box, Capsule, ColliderSpec, FootprintSpec, Load, StampSpec
 
 GRID = {"width": 16, "depth": 12, "height": 30, "cell_size": 0.2}
 
@@ -80,6 +80,31 @@ def test_objects_of_any_shape(client: Client) -> None:
     (held,) = session.colliders()
     assert held["airborne"] and (held["contact_area"], held["pressure"]) == (0, 0)
     assert "results" not in session.batch_colliders(delete=["walker"])
+    session.delete()
+
+
+def test_stamps_leave_prints(client: Client) -> None:
+    session = client.create_session(paused=True, preset="game", grid=GRID, initial_snow=[{"depth": 1}])
+    sole: Box = {"type": "box", "width": 0.4, "depth": 0.6}
+    whole: StampSpec = {"shape": sole, "position": {"x": 1, "z": 1.1}, "mass": 80}
+    turned: StampSpec = {
+        "shape": {"type": "capsule", "length": 0.6, "radius": 0.2},
+        "position": {"x": 2, "z": 1},
+        "heading": 30,
+        "pressure": 4000,
+    }
+    first, second = session.stamp([whole, turned], idempotency_key="two steps")
+    assert first["depth"] > 0.05 and second["depth"] > 0.05
+    heights = session.heights().heights
+    assert first["bottom"] == pytest.approx(float(heights[5, 5]))
+    assert first["depth"] == pytest.approx(float(heights[0, 0]) - first["bottom"])
+    assert list(session.colliders()) == []
+
+    assert session.stamp([whole, turned], idempotency_key="two steps") == [first, second]
+    np.testing.assert_array_equal(session.heights().heights, heights)
+    with pytest.raises(ProblemError, match="/stamps/1/pressure"):
+        session.stamp([whole, {**whole, "pressure": 1}])
+    np.testing.assert_array_equal(session.heights().heights, heights)
     session.delete()
 
 

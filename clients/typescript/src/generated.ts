@@ -21,6 +21,7 @@ export interface components {
             celsius?: number;
             collider?: components["schemas"]["ColliderView"];
             results?: components["schemas"]["BatchResults"];
+            stamps?: components["schemas"]["PrintView"][];
             probes?: components["schemas"]["ProbeView"][];
             fields?: components["schemas"]["SampleFields"];
         };
@@ -53,7 +54,7 @@ export interface components {
          */
         Auth: "open" | "required";
         /**
-         * @description What was done of an entry of a batch.
+         * @description What happened to an entry of a batch.
          * @enum {string}
          */
         BatchOutcome: "created" | "replaced" | "removed" | "absent" | "skipped";
@@ -61,21 +62,35 @@ export interface components {
         BatchReply: components["schemas"]["Stamp"] & {
             results?: components["schemas"]["BatchResults"] | null;
         };
-        /** @description What was done of one entry of a batch. */
+        /** @description Result of one entry of a batch. */
         BatchResult: {
-            /** @description Name of the collider, as far as it was told. */
+            /** @description Name of the collider, if the entry has one. */
             id: string | null;
-            /** @description What was done. */
+            /** @description What happened to it. */
             result: components["schemas"]["BatchOutcome"];
-            /** @description Why it was skipped: what is wrong, each with where in the batch. */
+            /** @description Why it was skipped: what is wrong, and where in the batch. */
             errors?: components["schemas"]["FieldError"][];
         };
-        /** @description What was done of a batch, entry by entry. */
+        /** @description Results of a batch, entry by entry. */
         BatchResults: {
             /** @description One for each entry of `put`, in their order. */
             put: components["schemas"]["BatchResult"][];
             /** @description One for each entry of `delete`, in their order. */
             delete: components["schemas"]["BatchResult"][];
+        };
+        /** @description A rigid, level object that stands on the snow. */
+        Body: {
+            /** @description Mass [kg]. */
+            mass: number;
+            shape?: components["schemas"]["Shape"] | null;
+            /** @description The outlines on which it stands, where it is not one `shape`. */
+            footprints?: components["schemas"]["Part"][];
+            /** @description Where its centre is [m]. */
+            position: components["schemas"]["Position"];
+            /** @description Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east). */
+            heading: number;
+            /** @description Whether it is held up and does not press the snow. */
+            airborne: boolean;
         };
         /** @description A cell of the fixed grid. */
         CellOrigin: {
@@ -158,7 +173,7 @@ export interface components {
             put?: components["schemas"]["ColliderSpec"][];
             /** @description Ids of colliders to remove. One that is not there is no error. */
             delete?: string[];
-            /** @description What is done where one of them is in error. */
+            /** @description What happens if one of them is invalid. */
             on_error?: components["schemas"]["OnError"];
         };
         /** @description Removes a collider, as DELETE …/colliders/{cid}. */
@@ -176,8 +191,8 @@ export interface components {
             /** @description Mass [kg]. */
             mass?: number | null;
             shape?: components["schemas"]["Shape"] | null;
-            /** @description Outlines that it stands on, in place of what it stood on. */
-            footprints?: components["schemas"]["Part"][] | null;
+            /** @description New outlines; they replace a single shape too. */
+            footprints?: components["schemas"]["PartSpec"][] | null;
             position?: components["schemas"]["Position"] | null;
             /** @description Compass bearing of its front [°]. */
             heading?: number | null;
@@ -196,8 +211,8 @@ export interface components {
         /**
          * @description An object that stands on the snow.
          *
-         *     It has either a `shape` or `footprints`. One of its columns must be in the grid; what hangs over the edge has
-         *     full support of its own.
+         *     It has either a `shape` or `footprints`. One of its columns must be in the grid; the part beyond the edge is
+         *     fully supported.
          */
         ColliderSpec: {
             /** @description Name, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none. */
@@ -206,19 +221,19 @@ export interface components {
             mass: number;
             shape?: components["schemas"]["Shape"] | null;
             /**
-             * @description Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
-             *     rigid body; its weight is shared by the contact of each.
+             * @description Its outlines, if it has several: the feet of a walker, the wheels of a car. It is one rigid body, and each
+             *     outline carries a part of its weight according to its contact.
              */
-            footprints?: components["schemas"]["Part"][] | null;
+            footprints?: components["schemas"]["PartSpec"][] | null;
             /** @description Where its centre is [m]. */
             position: components["schemas"]["Position"];
             /** @description Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east). */
             heading?: number;
-            /** @description Whether it is held up: then it presses nothing. */
+            /** @description Whether it is held up and does not press the snow. */
             airborne?: boolean;
         };
         /** @description An object on the snow and how it stands there. */
-        ColliderView: Record<string, never> & {
+        ColliderView: components["schemas"]["Body"] & {
             /** @description Its name. */
             id: string;
             /** @description Elevation of its bottom [m]. */
@@ -666,14 +681,14 @@ export interface components {
             host: number;
             /**
              * @description What brings it back: its newest checkpoint and the changes since, the snapshot that it was made
-             *     from, and what came of requests that carry an `Idempotency-Key`.
+             *     from, and the answers to requests with an `Idempotency-Key`.
              */
             journal: number;
             /** @description Tiles encoded for its streams, and the buffers of those that are open. */
             streams: number;
         };
         /**
-         * @description What a batch does where one of its entries is in error.
+         * @description What a batch does if one of its entries is invalid.
          * @enum {string}
          */
         OnError: "refuse" | "skip";
@@ -700,6 +715,15 @@ export interface components {
         };
         /** @description One of several outlines on which an object stands: a foot, or a wheel. */
         Part: {
+            /** @description Its outline from above. */
+            shape: components["schemas"]["Shape"];
+            /** @description Where its centre is, seen from the object's [m]: x to the object's right, z forward. */
+            offset: components["schemas"]["Position"];
+            /** @description How far it is turned against the object [°], clockwise from above. */
+            heading: number;
+        };
+        /** @description One of several outlines on which an object stands: a foot, or a wheel. */
+        PartSpec: {
             /** @description Its outline from above. */
             shape: components["schemas"]["Shape"];
             /** @description Where its centre is, seen from the object's [m]: x to the object's right, z forward. */
@@ -740,7 +764,7 @@ export interface components {
          * @enum {string}
          */
         Preset: "thesis" | "powder" | "packed" | "wet" | "game";
-        /** @description How snow gives way under objects: it creeps as under its own weight, or is pressed to where it carries them, a full cell by its whole thickness in so many simulated seconds; at once for 0. */
+        /** @description How snow gives way under objects: it creeps as under its own weight, or is pressed to where it carries them. A number is the simulated time [s] in which a full cell would be pressed flat, 0 for at once. */
         Pressing: "creep" | number;
         /** @description A print in the snow. */
         PrintView: {
@@ -870,16 +894,16 @@ export interface components {
         SampleBatch: {
             /** @description The points, each [x, z] in metres, inside the grid. */
             points: number[][];
-            /** @description What is wanted of each, nothing twice. */
+            /** @description What to read at each, nothing twice. */
             fields?: components["schemas"]["SampleField"][];
             load?: components["schemas"]["Load"] | null;
         };
         /**
-         * @description Something that is wanted of a point.
+         * @description What can be read at a point.
          * @enum {string}
          */
         SampleField: "depth" | "ground" | "elevation" | "normal" | "density" | "hardness" | "sink";
-        /** @description Fields of points: of those that were asked for a value for each point, in their order; `null` for the others. */
+        /** @description Fields of points: each one that was asked for has a value for each point, in their order; the others are `null`. */
         SampleFields: {
             /** @description Snow depth [m], bilinear between the centres of columns. */
             depth: number[] | null;
@@ -941,7 +965,7 @@ export interface components {
             paused?: boolean;
             /** @description Continuous snowfall [m/h]. */
             snowfall_rate?: number;
-            /** @description How snow gives way under objects; the preset's way where nothing is said. */
+            /** @description How snow gives way under objects; by default the preset's way. */
             pressing?: components["schemas"]["Pressing"];
             /** @description Seconds without request or stream after which the session hibernates. */
             idle_timeout_s?: number | null;
@@ -961,7 +985,7 @@ export interface components {
             grid: components["schemas"]["Grid"];
             /** @description Material constants. */
             material: components["schemas"]["Material"];
-            /** @description Whether it was told a ground to lie on (`GET …/terrain`); without, the ground is level at 0. */
+            /** @description Whether it has a terrain (`GET …/terrain`); without one the ground is level at 0. */
             terrain: boolean;
             /** @description What it is doing. */
             state: components["schemas"]["State"];
@@ -1148,8 +1172,8 @@ export interface components {
         /** @description Loads that press prints into the snow, in one frame. */
         StampBatch: {
             /**
-             * @description The loads, in order: where prints overlap, the later finds the snow as the earlier left it. They may cover
-             *     4 194 304 columns together.
+             * @description The loads, in order: where prints overlap, a later one is pressed into the snow that the earlier one left.
+             *     Together they may cover 4 194 304 columns.
              */
             stamps: components["schemas"]["StampSpec"][];
         };
@@ -1166,14 +1190,22 @@ export interface components {
         StampSpec: {
             /** @description Outline from above; any but a wheel. */
             shape: components["schemas"]["Shape"];
-            /** @description Where its centre is [m]. It covers a part of a column in the grid at least. */
+            /** @description Where its centre is [m]. The outline must cover some of the grid. */
             position: components["schemas"]["Position"];
             /** @description Compass bearing of its front [°]. */
             heading?: number;
-            /** @description Mass [kg], which presses on all of the outline. */
+            /** @description Mass [kg], spread over the whole outline. */
             mass?: number | null;
             /** @description Pressure [Pa]. */
             pressure?: number | null;
+        };
+        /** @description Presses prints into the snow, as POST …/stamps. */
+        StampsMessage: {
+            /** @constant */
+            op: "stamps";
+            id: components["schemas"]["Id"];
+            /** @description The loads, in order. Together they may cover 4 194 304 columns. */
+            stamps: components["schemas"]["StampSpec"][];
         };
         /**
          * @description What a session is doing.
@@ -1429,6 +1461,7 @@ export type BatchOutcome = components['schemas']['BatchOutcome'];
 export type BatchReply = components['schemas']['BatchReply'];
 export type BatchResult = components['schemas']['BatchResult'];
 export type BatchResults = components['schemas']['BatchResults'];
+export type Body = components['schemas']['Body'];
 export type CellOrigin = components['schemas']['CellOrigin'];
 export type CellsView = components['schemas']['CellsView'];
 export type CheckpointList = components['schemas']['CheckpointList'];
@@ -1488,6 +1521,7 @@ export type Origin = components['schemas']['Origin'];
 export type Page_ColliderView = components['schemas']['Page_ColliderView'];
 export type Page_SessionView = components['schemas']['Page_SessionView'];
 export type Part = components['schemas']['Part'];
+export type PartSpec = components['schemas']['PartSpec'];
 export type PingMessage = components['schemas']['PingMessage'];
 export type PlainEvent = components['schemas']['PlainEvent'];
 export type PongMessage = components['schemas']['PongMessage'];
@@ -1529,6 +1563,7 @@ export type Stamp = components['schemas']['Stamp'];
 export type StampBatch = components['schemas']['StampBatch'];
 export type StampReply = components['schemas']['StampReply'];
 export type StampSpec = components['schemas']['StampSpec'];
+export type StampsMessage = components['schemas']['StampsMessage'];
 export type State = components['schemas']['State'];
 export type StepProgressEvent = components['schemas']['StepProgressEvent'];
 export type StepSpec = components['schemas']['StepSpec'];

@@ -27,6 +27,8 @@ import type {
   Snowfall,
   SnowfallReply,
   Stamp,
+  StampReply,
+  StampSpec,
   StepSpec,
   TerrainQuery,
   Tokens,
@@ -178,6 +180,11 @@ export class Session {
    */
   batchColliders(batch: ColliderBatch): Promise<BatchReply> {
     return this.call("/colliders:batch", { method: "POST", body: batch });
+  }
+
+  /** Presses the prints of up to 4096 loads into the snow in one frame, all or none. */
+  stamp(stamps: StampSpec[], idempotencyKey?: string): Promise<StampReply> {
+    return this.call("/stamps", { method: "POST", body: { stamps }, idempotencyKey });
   }
 
   /** Snow depths [m]. */

@@ -8,8 +8,8 @@ use crate::session::Stamp;
 
 /// An object that stands on the snow.
 ///
-/// It has either a `shape` or `footprints`. One of its columns must be in the grid; what hangs over the edge has
-/// full support of its own.
+/// It has either a `shape` or `footprints`. One of its columns must be in the grid; the part beyond the edge is
+/// fully supported.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
@@ -19,11 +19,11 @@ pub struct ColliderSpec {
     /// Mass \[kg\].
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1e9))]
     pub mass: f64,
-    /// Outline from above, where it stands on one.
+    /// Outline from above, if it has just one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<Shape>,
-    /// Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
-    /// rigid body; its weight is shared by the contact of each.
+    /// Its outlines, if it has several: the feet of a walker, the wheels of a car. It is one rigid body, and each
+    /// outline carries a part of its weight according to its contact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(min_items = 1, max_items = 16))]
     pub footprints: Option<Vec<Part>>,
@@ -33,7 +33,7 @@ pub struct ColliderSpec {
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(minimum = -36_000, maximum = 36_000))]
     pub heading: f64,
-    /// Whether it is held up: then it presses nothing.
+    /// Whether it is held up and does not press the snow.
     #[serde(default)]
     pub airborne: bool,
 }
@@ -60,9 +60,9 @@ pub struct ColliderPatch {
     /// Mass \[kg\].
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1e9))]
     pub mass: Option<f64>,
-    /// Outline from above, in place of what it stood on.
+    /// New outline from above; it replaces footprints too.
     pub shape: Option<Shape>,
-    /// Outlines that it stands on, in place of what it stood on.
+    /// New outlines; they replace a single shape too.
     #[cfg_attr(feature = "schema", schema(min_items = 1, max_items = 16))]
     pub footprints: Option<Vec<Part>>,
     /// Where its centre is \[m\].
@@ -75,7 +75,7 @@ pub struct ColliderPatch {
 }
 
 impl ColliderPatch {
-    /// What becomes of an object.
+    /// The object with these changes.
     pub fn apply(self, old: &Body) -> ColliderSpec {
         let outline = match (self.shape, self.footprints) {
             (None, None) => {
@@ -104,19 +104,19 @@ pub struct ColliderBatch {
     pub put: Vec<ColliderSpec>,
     /// Ids of colliders to remove. One that is not there is no error.
     pub delete: Vec<String>,
-    /// What is done where one of them is in error.
+    /// What happens if one of them is invalid.
     pub on_error: OnError,
 }
 
-/// What a batch does where one of its entries is in error.
+/// What a batch does if one of its entries is invalid.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum OnError {
-    /// Nothing.
+    /// Nothing is carried out.
     #[default]
     Refuse,
-    /// The rest of it; the answer has a result for each entry.
+    /// The others are carried out; the answer has a result for each entry.
     Skip,
 }
 
@@ -127,12 +127,12 @@ pub struct BatchReply {
     /// When it was applied.
     #[serde(flatten)]
     pub stamp: Stamp,
-    /// What was done of it, where errors are skipped.
+    /// The result of each entry, if errors are skipped.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub results: Option<BatchResults>,
 }
 
-/// What was done of a batch, entry by entry.
+/// Results of a batch, entry by entry.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct BatchResults {
@@ -142,20 +142,20 @@ pub struct BatchResults {
     pub delete: Vec<BatchResult>,
 }
 
-/// What was done of one entry of a batch.
+/// Result of one entry of a batch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct BatchResult {
-    /// Name of the collider, as far as it was told.
+    /// Name of the collider, if the entry has one.
     pub id: Option<String>,
-    /// What was done.
+    /// What happened to it.
     pub result: BatchOutcome,
-    /// Why it was skipped: what is wrong, each with where in the batch.
+    /// Why it was skipped: what is wrong, and where in the batch.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<FieldError>,
 }
 
-/// What was done of an entry of a batch.
+/// What happened to an entry of a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
@@ -168,7 +168,7 @@ pub enum BatchOutcome {
     Removed,
     /// There was no collider of that name.
     Absent,
-    /// Nothing, because of its errors.
+    /// The entry was invalid, and nothing was done.
     Skipped,
 }
 

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::session::{Settings, given};
 
-/// What a session is created with, in full. `POST /v1/sessions` takes it as a [`SessionBody`], which may leave out
-/// whatever it likes, and reading one fills in what it leaves out.
+/// What a session is created with, in full. `POST /v1/sessions` takes a [`SessionBody`], in which every field is
+/// optional; reading one fills in the rest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "SessionBody")]
 pub struct SessionSpec {
@@ -69,7 +69,7 @@ pub struct SessionBody {
     /// Continuous snowfall \[m/h\].
     #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 100))]
     pub snowfall_rate: f64,
-    /// How snow gives way under objects; the preset's way where nothing is said.
+    /// How snow gives way under objects; by default the preset's way.
     #[cfg_attr(feature = "schema", schema(value_type = Pressing, required = false))]
     #[serde(deserialize_with = "given")]
     pub pressing: Option<Pressing>,

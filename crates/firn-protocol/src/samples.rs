@@ -13,7 +13,7 @@ pub struct SampleBatch {
     /// The points, each \[x, z\] in metres, inside the grid.
     #[cfg_attr(feature = "schema", schema(value_type = Vec<Vec<f64>>, min_items = 1, max_items = 65536))]
     pub points: Vec<[f64; 2]>,
-    /// What is wanted of each, nothing twice.
+    /// What to read at each, nothing twice.
     #[serde(default = "SampleField::of_the_surface")]
     #[cfg_attr(feature = "schema", schema(min_items = 1, default = json!(["depth", "ground", "elevation", "normal"])))]
     pub fields: Vec<SampleField>,
@@ -22,7 +22,7 @@ pub struct SampleBatch {
     pub load: Option<Load>,
 }
 
-/// Something that is wanted of a point.
+/// What can be read at a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
@@ -66,7 +66,7 @@ pub struct SampleReply {
     pub fields: SampleFields,
 }
 
-/// Fields of points: of those that were asked for a value for each point, in their order; `null` for the others.
+/// Fields of points: each one that was asked for has a value for each point, in their order; the others are `null`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct SampleFields {

@@ -111,7 +111,7 @@ pub struct SessionView {
     /// Settings.
     #[serde(flatten)]
     pub settings: Settings,
-    /// Whether it was told a ground to lie on (`GET …/terrain`); without, the ground is level at 0.
+    /// Whether it has a terrain (`GET …/terrain`); without one the ground is level at 0.
     pub terrain: bool,
     /// What it is doing.
     pub state: State,

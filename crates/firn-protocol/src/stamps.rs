@@ -10,8 +10,8 @@ use crate::session::Stamp;
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct StampBatch {
-    /// The loads, in order: where prints overlap, the later finds the snow as the earlier left it. They may cover
-    /// 4 194 304 columns together.
+    /// The loads, in order: where prints overlap, a later one is pressed into the snow that the earlier one left.
+    /// Together they may cover 4 194 304 columns.
     #[cfg_attr(feature = "schema", schema(min_items = 1, max_items = 4096))]
     pub stamps: Vec<StampSpec>,
 }
@@ -25,13 +25,13 @@ pub struct StampBatch {
 pub struct StampSpec {
     /// Outline from above; any but a wheel.
     pub shape: Shape,
-    /// Where its centre is \[m\]. It covers a part of a column in the grid at least.
+    /// Where its centre is \[m\]. The outline must cover some of the grid.
     pub position: Position,
     /// Compass bearing of its front \[°\].
     #[serde(default)]
     #[cfg_attr(feature = "schema", schema(minimum = -36_000, maximum = 36_000))]
     pub heading: f64,
-    /// Mass \[kg\], which presses on all of the outline.
+    /// Mass \[kg\], spread over the whole outline.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1e9))]
     pub mass: Option<f64>,
@@ -45,7 +45,7 @@ pub struct StampSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct StampReply {
-    /// When the prints were there.
+    /// When it was applied.
     #[serde(flatten)]
     pub stamp: Stamp,
     /// The print of each, in their order.

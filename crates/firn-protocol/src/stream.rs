@@ -17,7 +17,7 @@ pub enum SubProtocol {
 }
 
 impl SubProtocol {
-    /// Every sub-protocol, the most compact first: who understands several is given that.
+    /// Every sub-protocol, the most compact first: a client that offers several is given that one.
     pub const ALL: [SubProtocol; 2] = [SubProtocol::Binary, SubProtocol::Json];
 
     /// The name that is offered and chosen at the upgrade.
@@ -200,7 +200,7 @@ pub enum Command {
         #[serde(flatten)]
         batch: StampBatch,
     },
-    /// Puts and removes objects in one frame: all or none, or those that are not in error.
+    /// Puts and removes objects in one frame: all or none, or those without error.
     #[serde(rename = "colliders.batch")]
     Colliders {
         /// A number for the answer.

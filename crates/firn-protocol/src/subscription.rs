@@ -18,7 +18,7 @@ pub struct Subscribe {
     pub quantum: f64,
     /// Whether colliders are wanted.
     pub colliders: bool,
-    /// Whether the ground is wanted: of each tile once, and anew when it changes.
+    /// Whether the ground is wanted: of each tile once, and again when it changes.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub terrain: bool,
     /// Which events are wanted. Where it is not said: all under `firn.v1.json`, none under `firn.v1.bin`.
@@ -78,16 +78,16 @@ pub struct DepthWatch {
     pub below: Option<f64>,
 }
 
-/// What a subscription becomes.
+/// Changes to a subscription.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Update {
     /// Columns wanted; the whole grid where there is none.
     pub region: Option<ColumnRegion>,
-    /// Which events are wanted; those as before where it is not said.
+    /// Which events are wanted; as before if it is not said.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub events: Option<Events>,
-    /// Watches in place of those before, which stay where it is not said.
+    /// New watches, which replace those before; these stay if it is not said.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub watch: Option<Vec<DepthWatch>>,
 }

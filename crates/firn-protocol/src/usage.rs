@@ -14,7 +14,7 @@ pub struct MemoryBytes {
     /// and objects.
     pub host: u64,
     /// What brings it back: its newest checkpoint and the changes since, the snapshot that it was made
-    /// from, and what came of requests that carry an `Idempotency-Key`.
+    /// from, and the answers to requests with an `Idempotency-Key`.
     pub journal: u64,
     /// Tiles encoded for its streams, and the buffers of those that are open.
     pub streams: u64,

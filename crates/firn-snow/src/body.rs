@@ -56,7 +56,7 @@ pub struct Body {
     #[cfg_attr(feature = "serde", serde(default))]
     #[cfg_attr(feature = "schema", schema(minimum = -36_000, maximum = 36_000))]
     pub heading: f64,
-    /// Whether it is held up: then it presses nothing.
+    /// Whether it is held up and does not press the snow.
     #[cfg_attr(feature = "serde", serde(default))]
     pub airborne: bool,
 }

@@ -7,7 +7,7 @@ use super::shape::{Shape, Turn};
 /// Samples along each side of a column.
 const SIDE: u32 = 8;
 
-/// What covers a whole column.
+/// The share of a column that is covered whole.
 pub const WHOLE: u32 = SIDE * SIDE;
 
 /// How much of each column an outline covers.
@@ -54,7 +54,7 @@ impl Coverage {
         Some(Coverage { columns, shares })
     }
 
-    /// Columns that an outline covers at the most, without looking at them.
+    /// An upper bound of the columns that an outline covers, found without sampling it.
     pub fn most_columns(grid: &Grid, shape: &Shape, turn: Turn) -> u64 {
         let reach = shape.reach(turn);
         let along = |extent: f64, cells: u32| {
@@ -63,7 +63,7 @@ impl Coverage {
         along(reach.x1 - reach.x0, grid.width) * along(reach.z1 - reach.z0, grid.depth)
     }
 
-    /// Of an outline that lies between all samples.
+    /// The coverage of an outline that lies between all samples.
     fn of_speck(grid: &Grid, shape: &Shape, centre: Position) -> Option<Coverage> {
         let along = |metres: f64, cells: u32| {
             let column = (metres / grid.cell_size).floor();

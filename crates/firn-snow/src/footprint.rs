@@ -13,7 +13,7 @@ pub struct Footprint {
     pub spans: Vec<(u32, u32)>,
     /// Number n of columns that the outline stands for, those beyond the grid included.
     pub columns: u32,
-    /// How many of them are beyond the grid. They carry their share of it.
+    /// How many of them are beyond the grid. They are fully supported.
     pub overhang: u32,
     /// True area A₀ \[m²\] that the columns stand for.
     pub area: f64,

@@ -3,7 +3,8 @@
 use crate::material::{HardnessLaw, Material};
 use crate::pressing::Pressing;
 
-/// A kind of snow: a material, how it gives way under objects, and the air that it fell from. `docs/model.md` has all values and their sources.
+/// A kind of snow: a material, how it gives way under objects, and the air that it fell from. `docs/model.md` has
+/// all values and their sources.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]

@@ -11,8 +11,8 @@ pub enum Pressing {
     /// It creeps, as under its own weight.
     #[default]
     Creep,
-    /// It is pressed to where it carries the load. A full cell would be pressed flat in so many seconds; at
-    /// 0 nothing takes any time.
+    /// It is pressed to where it carries the load. This is the time \[s\] in which a full cell would be pressed
+    /// flat, 0 for at once.
     Within(f64),
 }
 

@@ -18,6 +18,7 @@ class AckMessage(TypedDict):
     celsius: NotRequired[float]
     collider: NotRequired[ColliderView]
     results: NotRequired[BatchResults]
+    stamps: NotRequired[list[PrintView]]
     probes: NotRequired[list[ProbeView]]
     fields: NotRequired[SampleFields]
 
@@ -52,26 +53,46 @@ BatchOutcome: TypeAlias = Literal["created", "replaced", "removed", "absent", "s
 
 
 class BatchResult(TypedDict):
-    """What was done of one entry of a batch."""
+    """Result of one entry of a batch."""
 
     id: str | None
-    """Name of the collider, as far as it was told."""
+    """Name of the collider, if the entry has one."""
 
     result: BatchOutcome
-    """What was done."""
+    """What happened to it."""
 
     errors: NotRequired[list[FieldError]]
-    """Why it was skipped: what is wrong, each with where in the batch."""
+    """Why it was skipped: what is wrong, and where in the batch."""
 
 
 class BatchResults(TypedDict):
-    """What was done of a batch, entry by entry."""
+    """Results of a batch, entry by entry."""
 
     put: list[BatchResult]
     """One for each entry of `put`, in their order."""
 
     delete: list[BatchResult]
     """One for each entry of `delete`, in their order."""
+
+
+class Body(TypedDict):
+    """A rigid, level object that stands on the snow."""
+
+    mass: float
+    """Mass [kg]."""
+
+    shape: NotRequired[Shape | None]
+    footprints: NotRequired[list[Part]]
+    """The outlines on which it stands, where it is not one `shape`."""
+
+    position: Position
+    """Where its centre is [m]."""
+
+    heading: float
+    """Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east)."""
+
+    airborne: bool
+    """Whether it is held up and does not press the snow."""
 
 
 class CellOrigin(TypedDict):
@@ -153,7 +174,7 @@ class ColliderBatch(TypedDict):
     """Ids of colliders to remove. One that is not there is no error."""
 
     on_error: NotRequired[OnError]
-    """What is done where one of them is in error."""
+    """What happens if one of them is invalid."""
 
 
 class ColliderDeleteMessage(TypedDict):
@@ -172,8 +193,8 @@ class ColliderPatch(TypedDict):
     """Mass [kg]."""
 
     shape: NotRequired[Shape | None]
-    footprints: NotRequired[list[Part] | None]
-    """Outlines that it stands on, in place of what it stood on."""
+    footprints: NotRequired[list[PartSpec] | None]
+    """New outlines; they replace a single shape too."""
 
     position: NotRequired[Position | None]
     heading: NotRequired[float | None]
@@ -195,8 +216,8 @@ class ColliderSpec(TypedDict):
     """
     An object that stands on the snow.
 
-    It has either a `shape` or `footprints`. One of its columns must be in the grid; what hangs over the edge has
-    full support of its own.
+    It has either a `shape` or `footprints`. One of its columns must be in the grid; the part beyond the edge is
+    fully supported.
     """
 
     id: NotRequired[str | None]
@@ -206,10 +227,10 @@ class ColliderSpec(TypedDict):
     """Mass [kg]."""
 
     shape: NotRequired[Shape | None]
-    footprints: NotRequired[list[Part] | None]
+    footprints: NotRequired[list[PartSpec] | None]
     """
-    Outlines that it stands on, where they are several: the feet of a walker, the wheels of a car. It is one
-    rigid body; its weight is shared by the contact of each.
+    Its outlines, if it has several: the feet of a walker, the wheels of a car. It is one rigid body, and each
+    outline carries a part of its weight according to its contact.
     """
 
     position: Position
@@ -219,10 +240,10 @@ class ColliderSpec(TypedDict):
     """Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east)."""
 
     airborne: NotRequired[bool]
-    """Whether it is held up: then it presses nothing."""
+    """Whether it is held up and does not press the snow."""
 
 
-class ColliderView(TypedDict):
+class ColliderView(Body):
     """An object on the snow and how it stands there."""
 
     id: str
@@ -718,7 +739,7 @@ class MemoryBytes(TypedDict):
     journal: int
     """
     What brings it back: its newest checkpoint and the changes since, the snapshot that it was made
-    from, and what came of requests that carry an `Idempotency-Key`.
+    from, and the answers to requests with an `Idempotency-Key`.
     """
 
     streams: int
@@ -759,6 +780,19 @@ class PageSessionView(TypedDict):
 
 
 class Part(TypedDict):
+    """One of several outlines on which an object stands: a foot, or a wheel."""
+
+    shape: Shape
+    """Its outline from above."""
+
+    offset: Position
+    """Where its centre is, seen from the object's [m]: x to the object's right, z forward."""
+
+    heading: float
+    """How far it is turned against the object [°], clockwise from above."""
+
+
+class PartSpec(TypedDict):
     """One of several outlines on which an object stands: a foot, or a wheel."""
 
     shape: Shape
@@ -989,7 +1023,7 @@ class SampleBatch(TypedDict):
     """The points, each [x, z] in metres, inside the grid."""
 
     fields: NotRequired[list[SampleField]]
-    """What is wanted of each, nothing twice."""
+    """What to read at each, nothing twice."""
 
     load: NotRequired[Load | None]
 
@@ -998,7 +1032,7 @@ SampleField: TypeAlias = Literal["depth", "ground", "elevation", "normal", "dens
 
 
 class SampleFields(TypedDict):
-    """Fields of points: of those that were asked for a value for each point, in their order; `null` for the others."""
+    """Fields of points: each one that was asked for has a value for each point, in their order; the others are `null`."""
 
     depth: list[float] | None
     """Snow depth [m], bilinear between the centres of columns."""
@@ -1078,7 +1112,7 @@ class SessionSpec(TypedDict):
     """Continuous snowfall [m/h]."""
 
     pressing: NotRequired[Pressing]
-    """How snow gives way under objects; the preset's way where nothing is said."""
+    """How snow gives way under objects; by default the preset's way."""
 
     idle_timeout_s: NotRequired[float | None]
     """Seconds without request or stream after which the session hibernates."""
@@ -1152,7 +1186,7 @@ class SessionView(Settings):
     """Material constants."""
 
     terrain: bool
-    """Whether it was told a ground to lie on (`GET …/terrain`); without, the ground is level at 0."""
+    """Whether it has a terrain (`GET …/terrain`); without one the ground is level at 0."""
 
     state: State
     """What it is doing."""
@@ -1520,8 +1554,8 @@ class StampBatch(TypedDict):
 
     stamps: list[StampSpec]
     """
-    The loads, in order: where prints overlap, the later finds the snow as the earlier left it. They may cover
-    4 194 304 columns together.
+    The loads, in order: where prints overlap, a later one is pressed into the snow that the earlier one left.
+    Together they may cover 4 194 304 columns.
     """
 
 
@@ -1543,16 +1577,25 @@ class StampSpec(TypedDict):
     """Outline from above; any but a wheel."""
 
     position: Position
-    """Where its centre is [m]. It covers a part of a column in the grid at least."""
+    """Where its centre is [m]. The outline must cover some of the grid."""
 
     heading: NotRequired[float]
     """Compass bearing of its front [°]."""
 
     mass: NotRequired[float | None]
-    """Mass [kg], which presses on all of the outline."""
+    """Mass [kg], spread over the whole outline."""
 
     pressure: NotRequired[float | None]
     """Pressure [Pa]."""
+
+
+class StampsMessage(TypedDict):
+    """Presses prints into the snow, as POST …/stamps."""
+
+    op: Literal["stamps"]
+    id: Id
+    stamps: list[StampSpec]
+    """The loads, in order. Together they may cover 4 194 304 columns."""
 
 
 State: TypeAlias = Literal["running", "paused", "stepping", "hibernating"]

@@ -24,6 +24,7 @@ from .types import (
     Load,
     MassLedger,
     OnError,
+    Print,
     Probe,
     ProbeSpec,
     Region,
@@ -34,6 +35,7 @@ from .types import (
     SnowfallReply,
     Stamp,
     StampedCollider,
+    StampSpec,
     Step,
     TerrainQuery,
     Usage,
@@ -190,6 +192,10 @@ class Session:
         """
         body = {"put": list(put), "delete": list(delete), "on_error": on_error}
         return cast(BatchReply, self._call("POST", "/colliders:batch", json=body))
+
+    def stamp(self, stamps: Iterable[StampSpec], *, idempotency_key: str | None = None) -> list[Print]:
+        """Presses the prints of up to 4096 loads into the snow in one frame, all or none."""
+        return list(self._post("/stamps", {"stamps": list(stamps)}, idempotency_key)["stamps"])
 
     def heights(self, **query: Unpack[HeightsQuery]) -> Heights:
         """Snow depths; of a part by `column_x`, `column_z`, `width`, `depth`, `stride`; `surface` adds the ground."""

@@ -6,9 +6,9 @@ use crate::material::Material;
 use super::{Column, SurfaceLoad};
 
 impl Column {
-    /// The column after a number of cycles of `dt` seconds under a load, the settling of the snow that is
-    /// still in motion included: what an object does that stands on level snow for so long. Loads press by up to
-    /// `step` quanta in a cycle; where there is none, the snow creeps under them.
+    /// The column after a number of cycles of `dt` seconds under a load, as under an object that stands on level
+    /// snow for that time. Snow that is still settling goes on to do so. The load presses by up to `step` quanta
+    /// in a cycle; without a step the snow creeps under it.
     pub fn after(
         &self,
         grid: &Grid,

@@ -26,8 +26,8 @@ const MOST_CYCLES: u32 = 1000;
 impl Column {
     /// The column as it comes to rest under a load after cycles of `dt` seconds, the settling of
     /// the snow that is still in motion included. Δt matters in two ways: long cycles press light
-    /// snow past its equilibrium, and a cell rests where a cycle's indent rounds to nothing. A cell that
-    /// the load `presses`, rather than that it creeps, rests where it carries the stress on it.
+    /// snow past its equilibrium, and a cell rests where a cycle's indent rounds to nothing. Where
+    /// the load `presses`, a cell under it does not creep, and rests where it carries the stress on it.
     pub fn equilibrium(
         &self,
         grid: &Grid,

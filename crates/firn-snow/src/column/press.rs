@@ -44,8 +44,8 @@ impl Compaction<'_> {
     }
 }
 
-/// The largest thickness from `least` up to below `present` at which something holds that holds for thin cells and not for
-/// thick ones; `least` where it holds nowhere.
+/// The largest thickness from `least` up to below `present` for which `holds` is true, given that it is true for thin
+/// cells and false for thick ones; `least` if it is true for none.
 pub(super) fn thickest(least: u32, present: u32, holds: impl Fn(u32) -> bool) -> u32 {
     if !holds(least) {
         return least;

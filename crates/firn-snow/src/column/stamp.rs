@@ -7,7 +7,7 @@ use crate::material::Material;
 use super::{CELL, Cell, Column, Compaction, SurfaceLoad, spread, weight};
 
 impl Column {
-    /// Presses the column by a part of the way to where it carries a load, in parts of [`WHOLE`]. Cells that do
+    /// Presses the column a part of the way to where it carries a load, in parts of [`WHOLE`]. Cells that do
     /// not feel the load stay as they are. Returns the dent in thickness quanta. Stresses are not evaluated.
     pub fn stamp(&mut self, grid: &Grid, material: &Material, load: SurfaceLoad, part: u32) -> u32 {
         let law = Compaction::new(grid, material, 0.0);

@@ -68,7 +68,8 @@ mod schema {
                 .minimum(Some(0.0))
                 .maximum(Some(Pressing::LONGEST));
             let what = "How snow gives way under objects: it creeps as under its own weight, or is pressed to where it \
-                        carries them, a full cell by its whole thickness in so many simulated seconds; at once for 0.";
+                        carries them. A number is the simulated time [s] in which a full cell would be pressed flat, 0 \
+                        for at once.";
             OneOfBuilder::new().item(word).item(seconds).description(Some(what)).into()
         }
     }

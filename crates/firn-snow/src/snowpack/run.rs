@@ -1,4 +1,4 @@
-//! Cycles, and what is evaluated before each, in parts of any size: what comes of them is the same.
+//! Cycles, and what is evaluated before each, in parts of any size, which do not change the result.
 //!
 //! A part is measured in units: a cell, once evaluated or compacted.
 
