@@ -760,7 +760,8 @@ export interface components {
             z: number;
         };
         /**
-         * @description A kind of snow: a material, how it gives way under objects, and the air that it fell from. `docs/model.md` has all values and their sources.
+         * @description A kind of snow: a material, how it gives way under objects, and the air that it fell from. `docs/model.md` has
+         *     all values and their sources.
          * @enum {string}
          */
         Preset: "thesis" | "powder" | "packed" | "wet" | "game";

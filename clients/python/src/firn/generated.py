@@ -839,6 +839,10 @@ class Position(TypedDict):
 
 
 Preset: TypeAlias = Literal["thesis", "powder", "packed", "wet", "game"]
+"""
+A kind of snow: a material, how it gives way under objects, and the air that it fell from. `docs/model.md` has
+all values and their sources.
+"""
 
 
 Pressing: TypeAlias = Literal["creep"] | float
