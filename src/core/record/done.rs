@@ -12,7 +12,7 @@ use crate::core::session::Applied;
 pub(crate) const LIFETIME: Duration = Duration::from_secs(600);
 
 /// Memory that a request takes beside its answer as it was sent \[bytes\].
-pub(crate) const OVERHEAD: usize = 704;
+pub(crate) const OVERHEAD: usize = 672;
 
 /// A hash.
 pub type Hash = [u8; 32];
