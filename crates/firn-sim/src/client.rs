@@ -172,7 +172,7 @@ fn put(object: u8, mass: u32) -> ColliderSpec {
         position: Position { x: 0.2 * number, z: 0.8 },
         heading: 30.0 * number,
         // Now and then it is held up.
-        airborne: mass % 7 == 0,
+        airborne: mass.is_multiple_of(7),
     }
 }
 

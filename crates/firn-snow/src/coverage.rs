@@ -7,19 +7,19 @@ use super::shape::{Shape, Turn};
 /// Samples along each side of a column.
 const SIDE: u32 = 8;
 
-/// The share of a column that is covered whole.
-pub const WHOLE: u32 = SIDE * SIDE;
-
 /// How much of each column an outline covers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Coverage {
     /// The columns, as far as they are in the grid.
     pub columns: ColumnRect,
-    /// The share of each that is covered, row by row, in parts of [`WHOLE`].
+    /// The share of each that is covered, row by row, in parts of [`Coverage::WHOLE`].
     pub shares: Vec<u8>,
 }
 
 impl Coverage {
+    /// The share of a column that is covered whole.
+    pub const WHOLE: u32 = SIDE * SIDE;
+
     /// Samples an outline; `None` where it covers nothing of the grid.
     pub fn new(grid: &Grid, shape: &Shape, centre: Position, turn: Turn) -> Option<Coverage> {
         let h = grid.cell_size;
@@ -70,8 +70,8 @@ impl Coverage {
             (0.0..f64::from(cells)).contains(&column).then_some(column as u32)
         };
         let (x, z) = (along(centre.x, grid.width)?, along(centre.z, grid.depth)?);
-        let part =
-            (shape.area() / grid.column_area() * f64::from(WHOLE)).clamp(1.0, f64::from(WHOLE));
+        let part = (shape.area() / grid.column_area() * f64::from(Coverage::WHOLE))
+            .clamp(1.0, f64::from(Coverage::WHOLE));
         Some(Coverage {
             columns: ColumnRect { x0: x, z0: z, x1: x + 1, z1: z + 1 },
             shares: vec![part as u8],
@@ -102,7 +102,7 @@ mod tests {
 
     fn covered(coverage: &Coverage) -> f64 {
         let sum: u32 = coverage.shares.iter().map(|&share| u32::from(share)).sum();
-        f64::from(sum) / f64::from(WHOLE) * GRID.column_area()
+        f64::from(sum) / f64::from(Coverage::WHOLE) * GRID.column_area()
     }
 
     #[test]
@@ -130,7 +130,7 @@ mod tests {
             Coverage::new(&GRID, &shape, Position { x: 0.1, z: 0.075 }, Turn::NONE).unwrap();
         let whole: Vec<_> = coverage.iter().collect();
         assert_eq!(whole, [(1, 1), (2, 1)]);
-        assert!(whole.iter().all(|&(x, z)| coverage.share(x, z) == WHOLE));
+        assert!(whole.iter().all(|&(x, z)| coverage.share(x, z) == Coverage::WHOLE));
     }
 
     #[test]
@@ -142,6 +142,6 @@ mod tests {
         let large = Shape::Box { width: 9.0, depth: 9.0 };
         let all = Coverage::new(&GRID, &large, Position { x: 0.0, z: 0.0 }, Turn::NONE).unwrap();
         assert_eq!(all.columns, GRID.all());
-        assert!(all.shares.iter().all(|&share| u32::from(share) == WHOLE));
+        assert!(all.shares.iter().all(|&share| u32::from(share) == Coverage::WHOLE));
     }
 }

@@ -1,13 +1,13 @@
 //! Prints: a column that a load has pressed all the way, at once.
 
-use crate::coverage::WHOLE;
+use crate::coverage::Coverage;
 use crate::grid::Grid;
 use crate::material::Material;
 
 use super::{CELL, Cell, Column, Compaction, SurfaceLoad, spread, weight};
 
 impl Column {
-    /// Presses the column a part of the way to where it carries a load, in parts of [`WHOLE`]. Cells that do
+    /// Presses the column a part of the way to where it carries a load, in parts of [`Coverage::WHOLE`]. Cells that do
     /// not feel the load stay as they are. Returns the dent in thickness quanta. Stresses are not evaluated.
     pub fn stamp(&mut self, grid: &Grid, material: &Material, load: SurfaceLoad, part: u32) -> u32 {
         let law = Compaction::new(grid, material, 0.0);
@@ -28,8 +28,8 @@ impl Column {
                 super::press::thickest(law.least(cell).min(cell.thickness), cell.thickness, carries)
             };
             above += pressed;
-            let part =
-                (u64::from(cell.thickness - pressed) * u64::from(part) / u64::from(WHOLE)) as u32;
+            let part = (u64::from(cell.thickness - pressed) * u64::from(part)
+                / u64::from(Coverage::WHOLE)) as u32;
             cell.thickness -= part;
             dent += part;
         }
