@@ -330,6 +330,8 @@ async fn a_reset_leads_back_to_the_beginning(backend: BackendChoice) {
     server.step(&path, 60).await;
     assert_ne!(server.heights(&path).await, heights);
 
+    let nothing = server.post(&format!("{path}/reset"), Value::Null).await;
+    assert_eq!(nothing.pointers(422), [""], "null is no object");
     let after = server.post(&format!("{path}/reset"), json!({})).await.expect(200);
     assert_eq!(server.heights(&path).await, heights);
     assert!(after["seq"].as_u64() > before["seq"].as_u64(), "seqs go on");

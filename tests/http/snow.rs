@@ -12,6 +12,7 @@ on_each_backend!(
     a_snowfall_in_a_region_keeps_to_it,
     what_finds_no_room_is_refused_and_told,
     a_clearing_leaves_a_depth_standing,
+    a_plough_clears_its_way_in_one_call,
     air_gets_another_temperature,
     heights_come_as_json_and_as_floats,
     heights_come_of_a_region_and_with_a_stride,
@@ -118,6 +119,49 @@ async fn what_finds_no_room_is_refused_and_told(backend: BackendChoice) {
     assert_eq!(mass["imbalance_quanta"], 0);
     assert!((mass["refused"].as_f64().unwrap() - refused).abs() < 1e-6);
     assert!((mass["present"].as_f64().unwrap() - 4.0 * 20.0 * 2.8).abs() < 1e-2);
+    server.stop().await;
+}
+
+async fn a_plough_clears_its_way_in_one_call(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let path = server.create(small()).await;
+    let clearings = format!("{path}/clearings");
+    // Along the third row of columns, and up the last but one.
+    let way = json!({"depth": 0.25, "path": [[-1, 0.5], [1.7, 0.5], [1.7, 9]], "width": 0.2});
+    let reply = server.post(&clearings, way.clone()).await.expect(200);
+    let heights = server.heights(&path).await;
+    for z in 0..7 {
+        for x in 0..10 {
+            let cleared = (z == 2 && x <= 8) || (x == 8 && z >= 2);
+            assert_eq!(heights[z * 10 + x] < 0.5, cleared, "({x}, {z}): {heights:?}");
+        }
+    }
+    let cleared = reply["cleared_mass"].as_f64().unwrap();
+    assert!((cleared - 13.0 * 0.75 * 20.0 * 0.04).abs() < 1e-3, "{reply}");
+    let mass = server.get(&format!("{path}/mass")).await.expect(200);
+    assert_eq!(mass["imbalance_quanta"], 0);
+    assert!((mass["cleared"].as_f64().unwrap() - cleared).abs() < 1e-6, "{mass}");
+
+    let with = |field: &str, value: Value| {
+        let mut way = way.clone();
+        way[field] = value;
+        way
+    };
+    for (body, pointer) in [
+        (with("path", json!([])), "/path"),
+        (with("path", json!([[1, 1]])), "/path"),
+        (with("path", json!(vec![[1, 1]; 4097])), "/path"),
+        (with("path", json!([[1, 1], [1e9, 1]])), "/path/1/0"),
+        (with("path", json!([[1, 1], [1]])), "/path/1"),
+        (with("path", json!([[-9, -9], [-8, -9]])), "/path"),
+        (with("path", Value::Null), "/width"),
+        (with("width", Value::Null), "/width"),
+        (with("width", json!(0)), "/width"),
+        (with("region", json!({"x": 0, "z": 0, "width": 1, "depth": 1})), "/region"),
+    ] {
+        let reply = server.post(&clearings, body.clone()).await;
+        assert_eq!(reply.pointers(422), [pointer], "{body}");
+    }
     server.stop().await;
 }
 

@@ -15,7 +15,7 @@ use crate::support::{Options, Server, skips_gpu};
 use crate::{allocated, alone};
 
 /// Sessions of each kind.
-const SESSIONS: usize = 10;
+const SESSIONS: usize = 20;
 
 /// A part of the memory of all sessions, as the server tells it.
 async fn told(server: &Server, part: &str) -> i64 {
@@ -97,7 +97,9 @@ async fn sessions() {
         checkpoint_interval: Duration::from_secs(3600),
         accept_loss: false,
     };
-    let server = Server::start_stored(BackendChoice::Gpu, Options::default(), durability).await;
+    let mut options = Options::default();
+    options.limits.sessions = 10 * SESSIONS;
+    let server = Server::start_stored(BackendChoice::Gpu, options, durability).await;
     // What is made once for all of them.
     let (first, _) = server.sessions.create(bare(256, true)).await.unwrap();
     first.change(Change::Colliders(objects(64))).await.unwrap();

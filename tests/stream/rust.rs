@@ -179,7 +179,7 @@ async fn a_session_goes_back(backend: BackendChoice) {
     let snapshot = session.snapshot().await.unwrap();
     assert_eq!(kept.bytes, snapshot.len() as u64);
     for to_checkpoint in [true, false] {
-        session.clear(&Clearing { depth: 0.1, region: None }).await.unwrap();
+        session.clear(&Clearing { depth: 0.1, ..Clearing::default() }).await.unwrap();
         let back = if to_checkpoint {
             session.reset_to_checkpoint("full").await.unwrap()
         } else {
@@ -260,7 +260,7 @@ async fn events_and_watches_are_asked_for(backend: BackendChoice) {
     assert_eq!(stands().await, (true, 2.0));
     let update = Update { region, events: None, watch: Some(Vec::new()) };
     stream.send(&Command::Update { id: subscription, update }).await.unwrap();
-    let cleared = session.clear(&Clearing { depth: 0.0, region: None }).await.unwrap();
+    let cleared = session.clear(&Clearing::default()).await.unwrap();
     let Event::Clearing { cleared_mass, stamp } = event(&mut stream).await else {
         panic!("a watch that is gone tells something")
     };

@@ -38,6 +38,7 @@ def test_a_sessions_life(client: Client) -> None:
     session.delete_collider("crate")
     assert list(session.colliders()) == []
     session.clear(1)
+    assert session.clear(0.5, path=[(0, 0.3), (2, 0.3)], width=0.4)["cleared_mass"] > 0
     assert session.get()["summary"]["max_height"] <= 1
     assert session.mass()["imbalance_quanta"] == 0
     assert session.usage()["memory_bytes"]["device"] > 0

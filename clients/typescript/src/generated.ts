@@ -136,11 +136,22 @@ export interface components {
             /** @description Length of its snapshot [bytes]. */
             bytes: number;
         };
-        /** @description A plough: leaves at most a depth of snow standing. */
+        /**
+         * @description A plough: leaves at most a depth of snow standing.
+         *
+         *     It clears either a `region`, or a `path` of a `width`, or everything.
+         */
         Clearing: {
             /** @description Depth left standing [m]. */
             depth: number;
             region?: components["schemas"]["Region"] | null;
+            /**
+             * @description The way of a plough: points [x, z] [m]. The columns whose centres lie within half the width of it are
+             *     cleared.
+             */
+            path?: number[][] | null;
+            /** @description Width of the path [m]. */
+            width?: number | null;
         };
         ClearingEvent: {
             /** @constant */
@@ -159,8 +170,12 @@ export interface components {
             id: components["schemas"]["Id"];
             /** @description Depth left standing [m]. */
             depth: number;
-            /** @description The whole grid where there is none. */
+            /** @description A rectangle that is cleared. Without a region and a path the whole grid is. */
             region?: components["schemas"]["Region"] | null;
+            /** @description The way of a plough, as points [x, z] [m], instead of a region. */
+            path?: number[][] | null;
+            /** @description Width of the path [m]. */
+            width?: number | null;
         };
         /** @description Answer to a clearing. */
         ClearingReply: components["schemas"]["Stamp"] & {

@@ -30,15 +30,26 @@ impl Snowfall {
 }
 
 /// A plough: leaves at most a depth of snow standing.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+///
+/// It clears either a `region`, or a `path` of a `width`, or everything.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Clearing {
     /// Depth left standing \[m\].
     #[cfg_attr(feature = "schema", schema(minimum = 0))]
     pub depth: f64,
-    /// Where it is cleared; everywhere where there is none.
+    /// A rectangle that is cleared.
     pub region: Option<Region>,
+    /// The way of a plough: points \[x, z\] \[m\]. The columns whose centres lie within half the width of it are
+    /// cleared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = Option<Vec<Vec<f64>>>, min_items = 2, max_items = 4096))]
+    pub path: Option<Vec<[f64; 2]>>,
+    /// Width of the path \[m\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(minimum = 0.001, maximum = 1000))]
+    pub width: Option<f64>,
 }
 
 /// A rectangle in metres: the columns whose centres lie in it, lower edges included, upper ones

@@ -183,7 +183,11 @@ fn change(operation: &Operation, spec: &SessionSpec) -> Change {
             let Grid { depth: columns_z, cell_size, .. } = spec.grid;
             let (width, reach) = (f64::from(columns) * cell_size, f64::from(columns_z) * cell_size);
             let region = Some(Region { x: 0.0, z: 0.0, width, depth: reach });
-            Change::Clearing(Clearing { depth: metres(depth, &spec.grid), region })
+            Change::Clearing(Clearing {
+                depth: metres(depth, &spec.grid),
+                region,
+                ..Clearing::default()
+            })
         }
         Operation::Air(celsius) => {
             Change::AirTemperature(AirTemperature { celsius: f64::from(celsius) })

@@ -36,6 +36,7 @@ mod elevation;
 mod footprint;
 mod grid;
 mod material;
+mod path;
 mod preset;
 mod pressing;
 mod recut;
@@ -55,6 +56,7 @@ pub use grid::{
 pub use material::{
     GRAVITY, HardnessLaw, LoadDistribution, Material, REFERENCE_CELL_SIZE, gold_prefactor,
 };
+pub use path::{columns_along, rows_along};
 pub use preset::Preset;
 pub use pressing::Pressing;
 pub use sample::{Content, Floor, Sample, sample_column};

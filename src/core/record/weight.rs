@@ -73,6 +73,7 @@ impl Command {
         let (removed, put) = match self {
             Command::Objects { removed, put } => (removed, put),
             Command::Ground(ground) => return ground.bytes(),
+            Command::ClearPath { path, .. } => return path.capacity() * size_of::<[f64; 2]>(),
             Command::Stamps(stamps) => {
                 let outlines = stamps.iter().map(|stamp| stamp.shape.heap_bytes()).sum::<usize>();
                 return stamps.capacity() * size_of::<Stamping>() + outlines;

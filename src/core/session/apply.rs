@@ -1,7 +1,7 @@
 //! Commands, carried out: live ones, and those of the journal.
 
 use firn_engine::frame::{Deposit, Edit, Placement, Stamp};
-use firn_snow::{Body, Material};
+use firn_snow::{Body, ColumnRect, Material, columns_along};
 use std::sync::Arc;
 
 use crate::core::session::{Collider, Command, Counted, Kept, Orders, SessionState};
@@ -33,10 +33,9 @@ impl SessionState {
                 }));
                 Disturbed { tiles: Some(columns.tiles().columns()), all: false }
             }
-            Command::Clear { columns, depth } => {
-                orders.counted.push(Counted::Cleared(orders.edits.len()));
-                orders.edits.push(Edit::Clear { columns: *columns, depth: *depth });
-                Disturbed { tiles: Some(columns.tiles().columns()), all: false }
+            Command::Clear { columns, depth } => clear(&[*columns], *depth, orders),
+            Command::ClearPath { path, width, depth } => {
+                clear(&columns_along(&self.grid, path, *width), *depth, orders)
             }
             Command::Stamps(stamps) => {
                 let mut tiles = 0;
@@ -113,4 +112,14 @@ impl SessionState {
         orders.edits.push(Edit::RemoveCollider { id });
         collider.reach.tiles
     }
+}
+
+/// Clears rectangles of columns to a depth in quanta.
+fn clear(rects: &[ColumnRect], depth: u32, orders: &mut Orders) -> Disturbed {
+    for &columns in rects {
+        orders.counted.push(Counted::Cleared(orders.edits.len()));
+        orders.edits.push(Edit::Clear { columns, depth });
+    }
+    let tiles = rects.iter().map(|columns| columns.tiles().columns()).sum();
+    Disturbed { tiles: Some(tiles), all: false }
 }

@@ -74,10 +74,10 @@ impl Change {
                 id.capacity() + outline(&patch.shape, &patch.footprints)
             }
             Change::DeleteCollider { id } => id.capacity(),
-            Change::Snowfall(_)
-            | Change::Clearing(_)
-            | Change::AirTemperature(_)
-            | Change::Settings(_) => 0,
+            Change::Clearing(clearing) => {
+                clearing.path.as_ref().map_or(0, |path| size_of_val(&path[..]))
+            }
+            Change::Snowfall(_) | Change::AirTemperature(_) | Change::Settings(_) => 0,
             Change::Stamps(batch) => {
                 let stamps = batch.stamps.iter();
                 stamps.map(|stamp| size_of::<StampSpec>() + stamp.shape.heap_bytes()).sum()

@@ -17,6 +17,8 @@ pub(crate) enum Command {
     Deposit { columns: ColumnRect, depth: u64, mass: u64, celsius: f32 },
     /// Columns are cleared to a depth in quanta.
     Clear { columns: ColumnRect, depth: u32 },
+    /// Columns along a path are cleared to a depth in quanta.
+    ClearPath { path: Vec<[f64; 2]>, width: f64, depth: u32 },
     /// All settings, as they become.
     Settings { settings: Settings, stiffness_exponent: f64 },
     /// Objects are taken away, then put.

@@ -90,8 +90,10 @@ pub(crate) enum Told {
         refused: u128,
         columns: ColumnRect,
     },
+    /// So many edits clear some of the columns.
     Clearing {
         columns: ColumnRect,
+        edits: usize,
     },
     AirTemperature,
     Collider {

@@ -230,7 +230,7 @@ impl Simulation {
                 let event = Event::Snowfall { stamp, fallen_mass, refused_mass };
                 Some(Happening { event, columns: Some(*columns) })
             }
-            (Told::Clearing { columns }, Applied::Clearing(reply)) => {
+            (Told::Clearing { columns, .. }, Applied::Clearing(reply)) => {
                 let event = Event::Clearing { stamp, cleared_mass: reply.cleared_mass };
                 Some(Happening { event, columns: Some(*columns) })
             }
@@ -255,10 +255,10 @@ impl Simulation {
                 fallen_mass: grid.kilograms(*fallen),
                 refused_mass: grid.kilograms(refused + u128::from(last)),
             }),
-            Told::Clearing { .. } => Applied::Clearing(ClearingReply {
-                stamp,
-                cleared_mass: grid.kilograms(last.into()),
-            }),
+            Told::Clearing { edits, .. } => {
+                let cleared = found.iter().rev().take(*edits).map(|mass| u128::from(*mass)).sum();
+                Applied::Clearing(ClearingReply { stamp, cleared_mass: grid.kilograms(cleared) })
+            }
             Told::AirTemperature => Applied::AirTemperature(AirTemperatureReply {
                 stamp,
                 celsius: self.state.settings.air_temperature,

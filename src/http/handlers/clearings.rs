@@ -12,7 +12,8 @@ use crate::session::Change;
 
 /// Clear snow
 ///
-/// Leaves at most a depth standing, on the whole grid or in a region.
+/// Leaves at most a depth standing: on the whole grid, in a region, or along a path of a width. Legs of a path may
+/// cross 4 194 304 rows of columns together.
 #[utoipa::path(
     post,
     path = "/v1/sessions/{id}/clearings",

@@ -289,9 +289,8 @@ pub async fn reset(
         let snapshot = read_body(request, &app).await?.to_vec();
         session.reset_to_snapshot(snapshot).await?
     } else {
-        let OptionalJson(to) =
-            OptionalJson::<Option<ResetSpec>>::from_request(request, &app).await?;
-        match to.unwrap_or_default().checkpoint {
+        let OptionalJson(to) = OptionalJson::<ResetSpec>::from_request(request, &app).await?;
+        match to.checkpoint {
             Some(name) => session.reset_to_checkpoint(&name).await?,
             None => session.reset().await?,
         }

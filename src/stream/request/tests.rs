@@ -69,10 +69,7 @@ fn changes_carry_the_body_of_their_rest_call() {
                 region: None,
             }),
         ),
-        (
-            r#"{"op":"clearing","id":1,"depth":0}"#.to_owned(),
-            Change::Clearing(Clearing { depth: 0.0, region: None }),
-        ),
+        (r#"{"op":"clearing","id":1,"depth":0}"#.to_owned(), Change::Clearing(Clearing::default())),
         (
             r#"{"op":"air_temperature","id":1,"celsius":-10}"#.to_owned(),
             Change::AirTemperature(AirTemperature { celsius: -10.0 }),
@@ -153,7 +150,8 @@ fn every_command_of_a_client_is_read() {
     let watch = Some(vec![DepthWatch { id: "a".to_owned(), region, ..DepthWatch::default() }]);
     let update = Update { region, events: Some(Events::none()), watch };
     let snowfall = Snowfall::new(0.5);
-    let (clearing, air) = (Clearing { depth: 0.1, region: None }, AirTemperature { celsius: -5.0 });
+    let (clearing, air) =
+        (Clearing { depth: 0.1, ..Clearing::default() }, AirTemperature { celsius: -5.0 });
     let settings = SettingsPatch { paused: Some(true), ..SettingsPatch::default() };
     let batch = ColliderBatch {
         put: vec![collider.clone()],
@@ -180,7 +178,10 @@ fn every_command_of_a_client_is_read() {
         (Command::Ping { id: None }, Request::Control(Control::Ping(None))),
         (Command::Ping { id: Some(1) }, Request::Control(Control::Ping(Some(1)))),
         (Command::Snowfall { id: 1, snowfall }, change(Change::Snowfall(snowfall), "")),
-        (Command::Clearing { id: 1, clearing }, change(Change::Clearing(clearing), "")),
+        (
+            Command::Clearing { id: 1, clearing: clearing.clone() },
+            change(Change::Clearing(clearing), ""),
+        ),
         (Command::AirTemperature { id: 1, air }, change(Change::AirTemperature(air), "")),
         (Command::Set { id: 1, settings }, change(Change::Settings(settings), "")),
         (

@@ -135,12 +135,24 @@ class CheckpointView(TypedDict):
 
 
 class Clearing(TypedDict):
-    """A plough: leaves at most a depth of snow standing."""
+    """
+    A plough: leaves at most a depth of snow standing.
+
+    It clears either a `region`, or a `path` of a `width`, or everything.
+    """
 
     depth: float
     """Depth left standing [m]."""
 
     region: NotRequired[Region | None]
+    path: NotRequired[list[list[float]] | None]
+    """
+    The way of a plough: points [x, z] [m]. The columns whose centres lie within half the width of it are
+    cleared.
+    """
+
+    width: NotRequired[float | None]
+    """Width of the path [m]."""
 
 
 class ClearingEvent(TypedDict):
@@ -161,7 +173,13 @@ class ClearingMessage(TypedDict):
     """Depth left standing [m]."""
 
     region: NotRequired[Region | None]
-    """The whole grid where there is none."""
+    """A rectangle that is cleared. Without a region and a path the whole grid is."""
+
+    path: NotRequired[list[PathItem] | None]
+    """The way of a plough, as points [x, z] [m], instead of a region."""
+
+    width: NotRequired[float | None]
+    """Width of the path [m]."""
 
 
 class ColliderBatch(TypedDict):
@@ -803,6 +821,9 @@ class PartSpec(TypedDict):
 
     heading: NotRequired[float]
     """How far it is turned against the object [°], clockwise from above."""
+
+
+PathItem: TypeAlias = list[float]
 
 
 class PingMessage(TypedDict):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self, Unpack, cast
 from urllib.parse import quote
@@ -154,9 +154,17 @@ class Session:
         body = {"depth": depth, "density": density, "temperature": temperature, "region": region}
         return cast(SnowfallReply, self._post("/snowfalls", body, idempotency_key))
 
-    def clear(self, depth: float, *, region: Region | None = None, idempotency_key: str | None = None) -> ClearingReply:
-        """Leaves at most a depth [m] standing, as a plough does."""
-        body = {"depth": depth, "region": region}
+    def clear(
+        self,
+        depth: float,
+        *,
+        region: Region | None = None,
+        path: Sequence[Sequence[float]] | None = None,
+        width: float | None = None,
+        idempotency_key: str | None = None,
+    ) -> ClearingReply:
+        """Leaves at most a depth [m] standing, as a plough does: everywhere, in a region, or along a path of a width [m]."""
+        body = {"depth": depth, "region": region, "path": path, "width": width}
         return cast(ClearingReply, self._post("/clearings", body, idempotency_key))
 
     def set_air_temperature(self, celsius: float) -> Stamp:

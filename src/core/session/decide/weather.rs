@@ -1,9 +1,20 @@
 //! Snow that falls or is cleared, and the air above it.
 
 use firn_protocol::{AirTemperature, Clearing, Region, Settings, Snowfall};
-use firn_snow::{ColumnRect, Grid, MASS_QUANTA};
+use firn_snow::{ColumnRect, Grid, MASS_QUANTA, columns_along, rows_along};
 
-use crate::core::session::{Check, Command, Decision, Kept, SessionError, SessionState, Told};
+use crate::core::session::{
+    Check, Command, Decision, Invalid, Kept, SessionError, SessionState, Told,
+};
+
+/// Most points of a path.
+const LONGEST_PATH: usize = 4096;
+
+/// Rows of columns that the legs of a path may cross together.
+const MOST_ROWS: u64 = 1 << 22;
+
+/// Rectangles of columns that a path may take.
+const MOST_RECTANGLES: usize = 1 << 16;
 
 impl SessionState {
     pub(crate) fn decide_snowfall(&self, snowfall: &Snowfall) -> Result<Decision, SessionError> {
@@ -35,13 +46,17 @@ impl SessionState {
         let mut check = Check::default();
         let highest = f64::from(grid.height) * grid.cell_size;
         check.range("/depth", clearing.depth, 0.0, highest, "m");
+        let depth = grid.thickness_quanta(clearing.depth) as u32;
+        if let Some(path) = &clearing.path {
+            return decide_path(clearing, path, depth, grid, check);
+        }
+        if clearing.width.is_some() {
+            check.reject("/width", "is there without a path");
+        }
         let columns = columns_in(clearing.region.as_ref(), grid, &mut check);
         check.finish()?;
-        let depth = grid.thickness_quanta(clearing.depth) as u32;
-        Ok(Decision {
-            command: Command::Clear { columns, depth },
-            told: Told::Clearing { columns },
-        })
+        let command = Command::Clear { columns, depth };
+        Ok(Decision { command, told: Told::Clearing { columns, edits: 1 } })
     }
 
     pub(crate) fn decide_air_temperature(
@@ -56,6 +71,50 @@ impl SessionState {
         let command = Command::Settings { settings, stiffness_exponent };
         Ok(Decision { command, told: Told::AirTemperature })
     }
+}
+
+fn decide_path(
+    clearing: &Clearing,
+    path: &[[f64; 2]],
+    depth: u32,
+    grid: &Grid,
+    mut check: Check,
+) -> Result<Decision, SessionError> {
+    if clearing.region.is_some() {
+        check.reject("/region", "is there beside a path; a clearing has one or the other");
+    }
+    if !(2..=LONGEST_PATH).contains(&path.len()) {
+        let detail = format!("{} points; a path has 2 to {LONGEST_PATH}", path.len());
+        check.reject("/path", detail);
+    }
+    for (i, point) in path.iter().take(LONGEST_PATH).enumerate() {
+        for (axis, along) in point.iter().enumerate() {
+            check.range(format!("/path/{i}/{axis}"), *along, -1e6, 1e6, "m");
+        }
+    }
+    match clearing.width {
+        Some(width) => check.range("/width", width, 1e-3, 1000.0, "m"),
+        None => check.reject("/width", "is missing; a path has a width"),
+    }
+    check.finish()?;
+    let width = clearing.width.unwrap_or_default();
+    let refuse = |detail| Err(SessionError::Invalid(vec![Invalid::new("/path", detail)]));
+    let rows = rows_along(grid, path, width);
+    if rows > MOST_ROWS {
+        return refuse(format!("its legs cross {rows} rows of columns; {MOST_ROWS} are allowed"));
+    }
+    let rects = columns_along(grid, path, width);
+    if rects.len() > MOST_RECTANGLES {
+        let count = rects.len();
+        return refuse(format!(
+            "it takes {count} rectangles of columns; {MOST_RECTANGLES} are allowed"
+        ));
+    }
+    let Some(columns) = rects.iter().copied().reduce(|all, rect| all.hull(&rect)) else {
+        return refuse("holds no column of the grid".to_owned());
+    };
+    let command = Command::ClearPath { path: path.to_vec(), width, depth };
+    Ok(Decision { command, told: Told::Clearing { columns, edits: rects.len() } })
 }
 
 /// Columns of a region, clipped to the grid; every column where there is none.
