@@ -163,7 +163,7 @@ class Session:
         width: float | None = None,
         idempotency_key: str | None = None,
     ) -> ClearingReply:
-        """Leaves at most a depth [m] standing, as a plough does: everywhere, in a region, or along a path of a width [m]."""
+        """Leaves at most a depth [m] standing, as a plough does: everywhere, in a region, or along a path [m]."""
         body = {"depth": depth, "region": region, "path": path, "width": width}
         return cast(ClearingReply, self._post("/clearings", body, idempotency_key))
 
