@@ -13,6 +13,7 @@ import type {
   Collider,
   ColliderBatch,
   ColliderPage,
+  ColliderPatch,
   ColliderSpec,
   Column,
   HeightsQuery,
@@ -160,6 +161,11 @@ export class Session {
   /** An object on the snow. */
   collider(id: string): Promise<Collider & Stamp> {
     return this.call(`/colliders/${encodeURIComponent(id)}`);
+  }
+
+  /** Changes parts of an object; the others stay as they are. */
+  patchCollider(id: string, patch: ColliderPatch): Promise<Collider & Stamp> {
+    return this.call(`/colliders/${encodeURIComponent(id)}`, { method: "PATCH", body: patch });
   }
 
   /** Puts an object on the snow; replaces or moves the one of the same id. */

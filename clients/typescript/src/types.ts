@@ -15,6 +15,7 @@ export type {
   ColliderView as Collider,
   ColliderBatch,
   ColliderPage,
+  ColliderPatch,
   ColliderSpec,
   ColumnView as Column,
   ColumnRegion,

@@ -3,7 +3,6 @@
 import type {
   Change,
   Collider,
-  ColliderSpec,
   ColumnRegion,
   Grid,
   Session,
@@ -118,11 +117,6 @@ export class Model {
     if (!this.closely || !ground) return;
     const heights = await ground.under(region);
     if (ground === this.ground.get() && isSame(region, this.nearRegion)) this.near.set({ region, heights });
-  }
-
-  /** Puts or moves an object by the stream, which is quicker than a request each. */
-  async put(collider: ColliderSpec): Promise<void> {
-    await this.stream.command("collider.put", { collider });
   }
 
   /** Tries to connect at once. */

@@ -1,6 +1,6 @@
 // What fingers, mouse and keys do with the picture: open profiles, place, choose and drag objects, turn the camera.
 
-import type { Collider, ColliderSpec, Grid, Position } from "firn-client";
+import type { Collider, ColliderPatch, Grid, Position } from "firn-client";
 import type { Look } from "./look.ts";
 import type { Model } from "./model.ts";
 import type { Viewport } from "./viewport.ts";
@@ -23,7 +23,7 @@ export function fitInto(grid: Grid, x: number, z: number): Position {
 export class Mover {
   private readonly model: Model;
   private readonly report: (error: unknown) => void;
-  private next: ColliderSpec | null = null;
+  private next: { id: string; patch: ColliderPatch } | null = null;
   private busy = false;
 
   constructor(model: Model, report: (error: unknown) => void) {
@@ -37,21 +37,20 @@ export class Mover {
   }
 
   /** Changes something of an object: where it is, its heading, whether it is held up. */
-  change(collider: Collider, change: Partial<ColliderSpec>): void {
-    const { id, mass, shape, footprints, position, heading, airborne } = collider;
-    const on = shape ? { shape } : { footprints: footprints ?? [] };
-    const now = this.next?.id === id ? this.next : { id, mass, ...on, position, heading, airborne };
-    this.next = { ...now, ...change };
+  change({ id }: Collider, change: ColliderPatch): void {
+    // What does not change is left out: what is known of it here may be old.
+    const waiting = this.next?.id === id ? this.next.patch : {};
+    this.next = { id, patch: { ...waiting, ...change } };
     if (!this.busy) this.send();
   }
 
   private async send(): Promise<void> {
     this.busy = true;
     while (this.next) {
-      const collider = this.next;
+      const { id, patch } = this.next;
       this.next = null;
       const pause = new Promise((resolve) => setTimeout(resolve, MOVE_PAUSE));
-      await this.model.put(collider).catch(this.report);
+      await this.model.session.patchCollider(id, patch).catch(this.report);
       await pause;
     }
     this.busy = false;
