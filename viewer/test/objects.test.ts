@@ -1,32 +1,12 @@
 // Objects of every kind in a real browser, on a real server.
 
 import assert from "node:assert/strict";
-import { after, afterEach, before, test } from "node:test";
-import { type Collider, Firn } from "../../clients/typescript/src/index.ts";
-import { type Server, startServer } from "../../clients/typescript/test/server.ts";
-import { keep, launch, open } from "./browser.ts";
+import { test } from "node:test";
+import type { Collider } from "../../clients/typescript/src/index.ts";
+import { keep, open } from "./browser.ts";
+import { browser, firn, server } from "./stage.ts";
 
-type Browser = Awaited<ReturnType<typeof launch>>;
 type Page = Awaited<ReturnType<typeof open>>["page"];
-
-let browser: Browser;
-let server: Server;
-let firn: Firn;
-
-before(async () => {
-  server = await startServer({ args: ["--backend", "cpu"] });
-  firn = new Firn(server.url);
-  browser = await launch();
-});
-
-after(async () => {
-  await browser?.close();
-  await server?.stop();
-});
-
-afterEach(async () => {
-  await Promise.all(browser.contexts().map((context) => context.close()));
-});
 
 const press = (page: Page, name: string) => page.getByRole("button", { name, exact: true }).click();
 const row = (page: Page, id: string) => page.locator(`.objects li[data-id="${id}"]`);

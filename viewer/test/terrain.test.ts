@@ -1,34 +1,13 @@
 // The ground under the snow in a real browser, on a real server.
 
 import assert from "node:assert/strict";
-import { after, afterEach, before, test } from "node:test";
-import { Firn } from "../../clients/typescript/src/index.ts";
-import { type Server, startServer } from "../../clients/typescript/test/server.ts";
+import { test } from "node:test";
 import { hills } from "../src/terrain/hills.ts";
-import { colours, keep, launch, open } from "./browser.ts";
+import { colours, keep, open } from "./browser.ts";
 import { greyPng } from "./png.ts";
+import { browser, firn, server } from "./stage.ts";
 
-type Browser = Awaited<ReturnType<typeof launch>>;
 type Page = Awaited<ReturnType<typeof open>>["page"];
-
-let browser: Browser;
-let server: Server;
-let firn: Firn;
-
-before(async () => {
-  server = await startServer({ args: ["--backend", "cpu"] });
-  firn = new Firn(server.url);
-  browser = await launch();
-});
-
-after(async () => {
-  await browser?.close();
-  await server?.stop();
-});
-
-afterEach(async () => {
-  await Promise.all(browser.contexts().map((context) => context.close()));
-});
 
 const press = (page: Page, name: string) => page.getByRole("button", { name, exact: true }).click();
 const live = (page: Page) => page.locator(".connection[data-state=open]").waitFor();

@@ -3,34 +3,14 @@
 import assert from "node:assert/strict";
 import { randomBytes } from "node:crypto";
 import { readFileSync } from "node:fs";
-import { after, afterEach, before, test } from "node:test";
+import { test } from "node:test";
 import { Firn } from "../../clients/typescript/src/index.ts";
-import { type Server, startServer } from "../../clients/typescript/test/server.ts";
+import { startServer } from "../../clients/typescript/test/server.ts";
 import { describe, presets } from "../src/presets.ts";
-import { colours, dataset, keep, launch, open } from "./browser.ts";
+import { colours, dataset, keep, open } from "./browser.ts";
+import { browser, firn, server } from "./stage.ts";
 
-type Browser = Awaited<ReturnType<typeof launch>>;
 type Page = Awaited<ReturnType<typeof open>>["page"];
-
-let browser: Browser;
-let server: Server;
-let firn: Firn;
-
-before(async () => {
-  server = await startServer({ args: ["--backend", "cpu"] });
-  firn = new Firn(server.url);
-  browser = await launch();
-});
-
-after(async () => {
-  await browser?.close();
-  await server?.stop();
-});
-
-// Pages that stay open go on drawing.
-afterEach(async () => {
-  await Promise.all(browser.contexts().map((context) => context.close()));
-});
 
 const live = (page: Page) => page.locator(".connection[data-state=open]").waitFor();
 const field = (page: Page, label: string) => page.getByLabel(label, { exact: false });
