@@ -269,7 +269,7 @@ fn nobody_knows() -> SessionError {
     SessionError::Internal(why.to_owned())
 }
 
-/// What is told of a change that can't be stored.
+/// The error for a change that can't be stored.
 pub(crate) fn unstorable(failure: &StoreError) -> SessionError {
     match failure {
         StoreError::Failed(why) | StoreError::InUse(why) => SessionError::StorageFailed(format!(

@@ -33,7 +33,7 @@ pub struct StoredSession {
     pub id: String,
     /// Tick that it comes back at.
     pub tick: u64,
-    /// Changes that it goes through again after its checkpoint.
+    /// Changes since its checkpoint, which a start makes again.
     pub changes: usize,
     /// Whether it takes no changes until an administrator unlocks it.
     pub locked: bool,

@@ -1,4 +1,4 @@
-//! What a picture is made from: columns of snow, read by whoever wants the picture.
+//! The columns of snow that a picture shows. The caller reads them.
 
 use firn_protocol::ColliderView;
 use firn_snow::{ColumnRect, Content, Grid, Sample};

@@ -10,6 +10,7 @@ mod press;
 mod render_shaders;
 mod shaders;
 mod sleep;
+mod stamp;
 mod story;
 mod support;
 mod times;

@@ -2,14 +2,12 @@
 
 use firn_engine::frame::{Backend, Edit, Run, Work, WorkOutcome};
 use firn_snow::{
-    Column, GRAVITY, Grid, HardnessLaw, LoadDistribution, Material, Preset, Pressing, Shape,
-    SurfaceLoad,
+    Column, GRAVITY, Grid, LoadDistribution, Material, Preset, Pressing, Shape, SurfaceLoad,
 };
 
+use crate::kernels::LAWS;
 use crate::support::*;
 
-const LAWS: [HardnessLaw; 3] =
-    [HardnessLaw::Calibrated, HardnessLaw::Regression, HardnessLaw::Gold];
 const SPREADS: [LoadDistribution; 3] =
     [LoadDistribution::TwoToOne, LoadDistribution::Uniform, LoadDistribution::Surface];
 const MODES: [Pressing; 4] =

@@ -1,6 +1,7 @@
 //! The REST interface: a real server on each backend, asked over a real socket.
 
 mod auth;
+mod bodies;
 mod cells;
 mod checkpoints;
 mod colliders;

@@ -2,20 +2,23 @@
 //!
 //! A frame is plain data, so that the GPU and the CPU backends do the same work for the same frame.
 
+mod edit;
+
 use std::collections::TryReserveError;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
 use firn_snow::{
-    Cell, Column, ColumnRect, Contact, Coverage, Floor, Footprint, Grid, Material, Pressing,
-    Sample, SurfaceLoad, TILE_COLUMNS,
+    Cell, Column, ColumnRect, Contact, Floor, Grid, Material, Pressing, Sample, TILE_COLUMNS,
 };
 
 use crate::reserve::try_filled;
 
 use super::made::{Made, Maker};
 use super::published::Published;
+
+pub use edit::{Contents, Deposit, Edit, Placement, Stamp};
 
 /// A snowpack's row in the backend's tables.
 pub type Slot = u32;
@@ -143,109 +146,6 @@ pub struct Run {
     pub cycles: u32,
     /// Simulated time Δt of each \[s\].
     pub dt: f64,
-}
-
-/// A change of one snowpack.
-#[derive(Clone, Debug)]
-pub enum Edit {
-    /// Snow falls on some columns.
-    Deposit(Deposit),
-    /// Snow is removed above a depth.
-    Clear {
-        /// The columns.
-        columns: ColumnRect,
-        /// Depth left standing, in thickness quanta.
-        depth: u32,
-    },
-    /// Columns are pressed at once.
-    Stamp(Arc<Stamp>),
-    /// An object is placed, replaced or moved.
-    PutCollider {
-        /// Its id; loads add up in ascending order of ids.
-        id: Arc<str>,
-        /// The object.
-        collider: Arc<Placement>,
-        /// Whether the depth it has sunk is counted from here.
-        placed: bool,
-    },
-    /// An object is taken away.
-    RemoveCollider {
-        /// Its id.
-        id: Arc<str>,
-    },
-    /// Other ground under the snow: the elevation of each column \[m\], row by row; empty for level ground at 0.
-    SetGround(Arc<[f64]>),
-    /// Other material constants. They come with `Work::wake` or a restore.
-    SetMaterial(Material),
-    /// Everything is replaced by what was saved. Contacts and stresses are not evaluated.
-    Restore(Arc<Contents>),
-}
-
-impl Edit {
-    /// How the results of two parts of it are joined: masses add up, of dents the deepest counts.
-    pub fn joining(&self) -> fn(u64, u64) -> u64 {
-        match self {
-            Edit::Stamp(_) => u64::max,
-            _ => u64::saturating_add,
-        }
-    }
-
-    /// The columns that it changes, where it changes snow.
-    pub fn columns(&self) -> Option<ColumnRect> {
-        match self {
-            Edit::Deposit(fall) => Some(fall.columns),
-            Edit::Clear { columns, .. } => Some(*columns),
-            Edit::Stamp(stamp) => Some(stamp.coverage.columns),
-            _ => None,
-        }
-    }
-}
-
-/// The cells and objects of a snowpack.
-#[derive(Clone, Debug)]
-pub struct Contents {
-    /// Cells of all tiles.
-    pub tiles: Arc<Vec<TileCells>>,
-    /// Objects with their contacts, in ascending order of ids.
-    pub colliders: Vec<(Arc<str>, Arc<Placement>, Contact)>,
-}
-
-/// Fresh snow on every column of a rectangle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Deposit {
-    /// The columns.
-    pub columns: ColumnRect,
-    /// Depth in thickness quanta, at most `height` cells.
-    pub depth: u32,
-    /// Areal mass in quanta.
-    pub mass: u32,
-    /// Temperature \[°C\].
-    pub temperature: f32,
-}
-
-/// A load that presses columns at once, each by its share of the way to where it carries the load.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Stamp {
-    /// How much of each column it covers.
-    pub coverage: Coverage,
-    /// The load.
-    pub load: SurfaceLoad,
-}
-
-/// An object's load and where it stands.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Placement {
-    /// Mass \[kg\].
-    pub mass: f64,
-    /// Columns under each of its outlines.
-    pub footprints: Vec<Footprint>,
-}
-
-impl Placement {
-    /// How many columns there are under it.
-    pub fn columns(&self) -> u64 {
-        self.footprints.iter().map(|footprint| footprint.iter().count() as u64).sum()
-    }
 }
 
 /// What a frame did.

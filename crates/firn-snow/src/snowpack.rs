@@ -1,5 +1,6 @@
 //! A whole snowpack: its columns in tiles, the objects on it, and which tiles are at rest.
 
+mod collider;
 mod run;
 mod tile;
 
@@ -17,34 +18,10 @@ use super::grid::{ColumnRect, Grid, TILE_COLUMNS};
 use super::material::Material;
 use super::pressing::Pressing;
 use super::sample::{Floor, Sample, sample_column};
+use collider::{Collider, Stand};
 use tile::{Edited, Tile};
 
 pub use run::Progress;
-
-/// An object on the snow.
-#[derive(Clone, Debug)]
-struct Collider {
-    mass: f64,
-    /// What it stands on.
-    stands: Vec<Stand>,
-    /// Tiles under it, in ascending order.
-    tiles: Vec<usize>,
-    contact: Contact,
-    /// Contact has never been evaluated since the object was put where it is.
-    placed: bool,
-    /// The object or its contact is not what the stresses below it were evaluated for.
-    changed: bool,
-}
-
-/// One of the footprints that an object stands on.
-#[derive(Clone, Debug)]
-struct Stand {
-    footprint: Footprint,
-    /// Tile of each column, the column's index in it, and how high the underside is over it in quanta.
-    columns: Vec<(usize, usize, u32)>,
-    /// How wide its load spreads \[m\].
-    width: f32,
-}
 
 /// A snowpack stepped by the plain-Rust columns.
 ///
@@ -336,41 +313,5 @@ impl Snowpack {
         let tiles = &self.tiles[tiles.start as usize..tiles.end as usize];
         let columns = tiles.iter().flat_map(|tile| &tile.columns);
         columns.map(|column| u64::from(column.mass())).sum()
-    }
-}
-
-impl Stand {
-    fn new(footprint: Footprint, grid: &Grid) -> Stand {
-        let columns = footprint.iter().map(|(x, z)| {
-            let (tile, column) = grid.locate(x, z);
-            (tile as usize, column as usize, footprint.lift_over(x, z))
-        });
-        Stand { columns: columns.collect(), footprint, width: 0.0 }
-    }
-}
-
-impl Collider {
-    /// Evaluates contact with the columns as they are.
-    fn evaluate(&mut self, tiles: &[Tile]) {
-        let footprints = self.stands.iter().map(|stand| {
-            let columns = stand.columns.iter();
-            let under = columns.map(|&(tile, column, lift)| tiles[tile].surface(column).less(lift));
-            (&stand.footprint, under)
-        });
-        let mut widths = vec![0.0; self.stands.len()];
-        let old = self.contact;
-        let mut new = Contact::evaluate(self.mass, footprints, &mut widths);
-        if !self.placed {
-            (new.reference, new.last_cycle) = (old.reference, old.last_cycle);
-        }
-        self.stands.iter_mut().zip(widths).for_each(|(stand, width)| stand.width = width);
-        self.placed = false;
-        self.changed |= new.footing() != old.footing();
-        self.contact = new;
-    }
-
-    /// Columns that its footprints stand for.
-    fn columns(&self) -> u64 {
-        self.stands.iter().map(|stand| stand.columns.len() as u64).sum()
     }
 }

@@ -54,7 +54,7 @@ impl Stamping {
     }
 }
 
-/// A command, and what is told of it.
+/// A command, and what its answer will say.
 #[derive(Debug)]
 pub(crate) struct Decision {
     pub command: Command,

@@ -1,6 +1,6 @@
 //! What is asked of one session waits here, wherever its snow is, until the session is between two ticks and
-//! the coming frame has room for it. It is taken in the order in which it came: what is told, journaled and
-//! saved of a frame is of one moment.
+//! the coming frame has room for it. Requests are taken in the order in which they came, so that the answers,
+//! the journal entry and the snapshot of a frame show the same moment.
 
 use std::collections::VecDeque;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! What the core shows of a session: its mirror, what is told to streams, and who is with it.
+//! What others see of a session: its mirror, the events that streams send, and how many clients it has.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
