@@ -142,11 +142,14 @@ fn compact(
     let session = sessions[row.session];
     let run = runs[row.session];
     let awake = (state & AWAKE) != 0u || (run.flags & ALWAYS_AWAKE) != 0u;
+    let loaded = (row.shape & LOADED) != 0u && (work.flags & LISTED) == 0u;
     // Under objects each cycle after the first has contacts evaluated before it, and a pass of its
     // own.
-    let first_only = (row.shape & LOADED) != 0u && (work.flags & UNDER_OBJECTS) == 0u;
+    let first_only = loaded && (work.flags & UNDER_OBJECTS) == 0u;
     // `press` has them where loads press.
-    let pressed = (row.shape & LOADED) != 0u && run.step > 0u;
+    let pressed = loaded && run.press > 0u;
+    let stepped = (work.flags & STEPPED) != 0u;
+    let rate = select(run.rate, work.rate, stepped);
     if !awake || pressed || work.cycle >= run.cycles || (first_only && work.cycle > 0u) {
         return;
     }
@@ -162,7 +165,7 @@ fn compact(
         if slot < end {
             cells = load(place);
         }
-        let after = compact_cells(session, run.rate, cycles, current);
+        let after = compact_cells(session, rate, cycles, current);
         if after.cycles > 0u {
             thickness[here] = after.thickness;
             shrunk += current.thickness - after.thickness;
@@ -185,7 +188,7 @@ fn compact(
     }
     if thread == 0u {
         let changed = atomicLoad(&last_change);
-        if changed < cycles {
+        if changed < cycles && !stepped {
             atomicAnd(&states[tile], ~AWAKE);
         } else {
             atomicOr(&states[tile], AWAKE);

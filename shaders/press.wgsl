@@ -91,9 +91,12 @@ fn press(
     let session = sessions[row.session];
     let run = runs[row.session];
     let awake = (atomicLoad(&states[tile]) & AWAKE) != 0u || (run.flags & ALWAYS_AWAKE) != 0u;
-    if !awake || run.step == 0u || work.cycle >= run.cycles {
+    if !awake || run.press == 0u || work.cycle >= run.cycles {
         return;
     }
+    let stepped = (work.flags & STEPPED) != 0u;
+    let rate = select(run.rate, work.rate, stepped);
+    let most = f32(select(run.press, work.press, stepped));
     let place = tile * TILE_COLUMNS + column;
     let cells = filled[place];
     var sum = 0u;
@@ -109,9 +112,9 @@ fn press(
         let cell = Cell(quanta * session.density, temperature[i], stress[i], thinnest, before);
         var after = before;
         if cell.stress > weight {
-            after = pressed(session, cell, weight, f32(run.step));
+            after = pressed(session, cell, weight, most);
         } else {
-            after = crept(session, run.rate, cell);
+            after = crept(session, rate, cell);
         }
         if after != before {
             thickness[i] = u32(after);
@@ -125,7 +128,10 @@ fn press(
     workgroupBarrier();
     if column == 0u {
         if atomicLoad(&any_changed) == 0u {
-            atomicAnd(&states[tile], ~AWAKE);
+            // What rests in a step need not rest in a cycle.
+            if !stepped {
+                atomicAnd(&states[tile], ~AWAKE);
+            }
         } else {
             atomicOr(&states[tile], AWAKE | DIRTY);
             atomicMax(&tallies[run.tally].last_change, work.cycle + 1u);

@@ -33,6 +33,8 @@ const PARTED: u32 = 16u;  // a part of the cycles is done, on tiles that the hos
 const AFTER_EDITS: u32 = 1u;    // nothing may be skipped
 const BACKWARDS: u32 = 2u;      // a list of tiles is gone through from its end
 const UNDER_OBJECTS: u32 = 4u;  // the listed tiles are those under objects, after the first cycle
+const LISTED: u32 = 8u;         // the host has listed just the tiles that the kernel is for
+const STEPPED: u32 = 16u;       // it is one of the steps of a cycle in which objects move
 
 // An elevation: whole cells above level 0, rounded down, and quanta above those.
 struct Elevation {
@@ -69,7 +71,7 @@ struct Run {
     // Its row in the table of sums.
     tally: u32,
     // Thickness quanta by which a load presses a cell in a cycle at the most; 0 where snow creeps under it.
-    step: u32,
+    press: u32,
 }
 
 // Where a tile is.
@@ -257,6 +259,9 @@ struct Pass {
     flags: u32,
     // Where the length of a list of tiles stands.
     length: u32,
+    // What Run has under the same names, for one of the steps of a cycle in which objects move.
+    rate: f32,
+    press: u32,
 }
 
 // Index of a workgroup in a dispatch of two dimensions.

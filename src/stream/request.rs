@@ -1,8 +1,8 @@
 //! What clients send: JSON text, read into requests. No I/O.
 
 use firn_protocol::{
-    AirTemperature, Clearing, ColliderBatch, ColliderSpec, DepthWatch, MOST_WATCHES, ProbeBatch,
-    SampleBatch, SettingsPatch, Snowfall, StampBatch, Subscribe, Update,
+    AirTemperature, Clearing, ColliderBatch, ColliderPatch, ColliderSpec, DepthWatch, MOST_WATCHES,
+    ProbeBatch, SampleBatch, SettingsPatch, Snowfall, StampBatch, Subscribe, Update,
 };
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -14,7 +14,7 @@ use crate::session::Change;
 
 /// Every `op` that a client can send.
 const OPS: &str = "subscribe, update, unsubscribe, ping, snowfall, clearing, air_temperature, set, \
-                   collider.put, collider.delete, colliders.batch, stamps, probes, samples";
+                   collider.put, collider.patch, collider.delete, colliders.batch, stamps, probes, samples";
 
 /// What a client asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,6 +80,14 @@ struct Nothing {}
 #[serde(deny_unknown_fields)]
 struct PutCollider {
     collider: ColliderSpec,
+}
+
+/// Body of `collider.patch`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PatchCollider {
+    collider: String,
+    patch: ColliderPatch,
 }
 
 /// Body of `collider.delete`.
@@ -157,6 +165,10 @@ fn read(op: &str, id: Option<i64>, fields: Map<String, Value>) -> Result<Request
         "collider.put" => {
             let put: PutCollider = body(fields)?;
             return change(Change::PutCollider(put.collider), "/collider");
+        }
+        "collider.patch" => {
+            let PatchCollider { collider: id, patch } = body(fields)?;
+            return change(Change::PatchCollider { id, patch }, "/patch");
         }
         "collider.delete" => {
             let delete: DeleteCollider = body(fields)?;

@@ -5,6 +5,7 @@ mod embedded;
 mod frames;
 mod golden;
 mod kernels;
+mod moves;
 mod parts;
 mod press;
 mod render_shaders;

@@ -111,7 +111,7 @@ fn host_and_shaders_agree_on_every_struct() {
     );
     let stamp = kernel("stamp");
     compare_layout!(stamp, Stamp { columns, first_share, result, pressure, width });
-    compare_layout!(module, Run { cycles, flags, rate, tally, step });
+    compare_layout!(module, Run { cycles, flags, rate, tally, press });
     compare_layout!(module, Tile { session, page, row, shape });
     compare_layout!(module, Tally { last_change, active_tiles, mass_low, mass_high });
     compare_layout!(
@@ -165,7 +165,7 @@ fn host_and_shaders_agree_on_every_struct() {
         module,
         SampleJob { session, first, x0, y0, z0, width, height, depth, rate, floor }
     );
-    compare_layout!(module, Pass { first, count, cycle, cycles, page, flags, length });
+    compare_layout!(module, Pass { first, count, cycle, cycles, page, flags, length, rate, press });
 }
 
 /// The value of a constant of a shader.

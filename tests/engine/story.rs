@@ -4,10 +4,12 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use firn_engine::frame::{
-    Backend, ColumnRead, Contents, Edit, Placement, Run, SampleBox, TileCells, Work, WorkOutcome,
+    Backend, ColumnRead, Contents, Edit, Moves, Placement, Run, SampleBox, TileCells, Work,
+    WorkOutcome,
 };
 use firn_snow::{
-    Body, Column, Contact, Elevation, Floor, Grid, Material, Position, Pressing, Sample,
+    Body, Column, ColumnRect, Contact, Elevation, Floor, Grid, Material, Motion, Position,
+    Pressing, Sample,
 };
 
 use crate::support::*;
@@ -110,6 +112,43 @@ fn any_edit(dice: &mut Dice, standing: &mut Standing) -> Edit {
     }
 }
 
+/// Has the objects move in some cycles, with snow that falls between their steps here and there.
+fn any_moves(dice: &mut Dice, standing: &mut Standing, run: Run) -> Vec<Moves> {
+    let mut moving = Vec::new();
+    for id in ["a", "b"] {
+        let Some((body, _)) = standing.get(id).filter(|_| dice.unit() < 0.7) else { continue };
+        let velocity = Position { x: dice.range(-2.0, 2.0), z: dice.range(-2.0, 2.0) };
+        let turn_rate = dice.range(-90.0, 90.0);
+        let motion = Motion { velocity, turn_rate, ..Motion::default() };
+        moving.push((id, Body { motion, ..body.clone() }));
+    }
+    let mut cycle = || {
+        let count = moving.iter().map(|(_, body)| body.steps(&GRID, run.dt)).max().unwrap_or(1);
+        let mut steps = Vec::new();
+        for left in (1..=count).rev() {
+            let mut edits = Vec::new();
+            for (id, body) in &mut moving {
+                let Some(footprints) = body.step(&GRID, run.dt / f64::from(count), left) else {
+                    continue;
+                };
+                // As snow that it lays down on the columns under it.
+                if let (Some((x, z)), true) = (footprints[0].iter().next(), dice.unit() < 0.2) {
+                    let columns = ColumnRect { x0: x, z0: z, x1: x + 1, z1: z + 1 };
+                    edits.push(snow(&GRID, columns, 0.01, 30.0, -4.0));
+                }
+                let placement = Arc::new(Placement { mass: body.load(), footprints });
+                standing.insert(id, (body.clone(), placement.clone()));
+                let collider = placement;
+                edits.push(Edit::PutCollider { id: Arc::from(*id), collider, placed: true });
+            }
+            edits.sort_by_key(|edit| !matches!(edit, Edit::Deposit(_)));
+            steps.push(edits);
+        }
+        Moves { steps }
+    };
+    (0..run.cycles).map(|_| cycle()).collect()
+}
+
 /// Brings the snowpack back to what was saved, now and then.
 fn any_restore(dice: &mut Dice, saved: Option<&Saved>, standing: &mut Standing) -> Vec<Edit> {
     let Some(saved) = saved.filter(|_| dice.unit() < 0.25) else { return Vec::new() };
@@ -122,6 +161,7 @@ fn any_restore(dice: &mut Dice, saved: Option<&Saved>, standing: &mut Standing) 
 pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> Story {
     let Plot { seed, restores } = plot;
     let (mut dice, mut sizes) = (Dice::new(seed), Dice::new(seed + 1));
+    let mut drive = Dice::new(seed + 2);
     let mut story = Story::default();
     backend.create(0, &level(GRID, Material::default())).unwrap();
     edit(backend, 0, vec![snow(&GRID, GRID.all(), 2.5, 20.0, -3.0)]);
@@ -135,7 +175,13 @@ pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> St
         let dt = if dice.unit() < 0.7 { 0.25 } else { dice.range(0.02, 0.25) };
         // How contacts were found before is told best by runs of few cycles.
         let most = if dice.unit() < 0.5 { 3 } else { 250 };
-        let cycles = dice.below(most) + u32::from(!restores || dice.unit() < 0.9);
+        let mut cycles = dice.below(most) + u32::from(!restores || dice.unit() < 0.9);
+        let mut moves = if drive.unit() < 0.2 && cycles > 0 {
+            cycles = cycles.min(4);
+            any_moves(&mut drive, &mut standing, Run { cycles, dt })
+        } else {
+            Vec::new()
+        };
         let alters = |edit: &Edit| matches!(edit, Edit::SetMaterial(_) | Edit::Restore(_));
         let before = (last_dt, pressing);
         if dice.unit() < 0.4 {
@@ -153,8 +199,16 @@ pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> St
             }
             first = Dice::new(seed + u64::from(cycles)).below(cycles);
             let run = Run { cycles: first, dt };
-            let work_before =
-                Work { slot: 0, edits: idle(), wake, run, pressing, ..Work::default() };
+            let moves_before = moves.drain(..moves.len().min(first as usize)).collect();
+            let work_before = Work {
+                slot: 0,
+                edits: idle(),
+                wake,
+                run,
+                moves: moves_before,
+                pressing,
+                ..Work::default()
+            };
             work(backend, work_before);
             edit(backend, 0, idle());
         }
@@ -164,6 +218,7 @@ pub fn live_through(backend: &mut dyn Backend, plot: Plot, frames: Frames) -> St
             edits,
             wake,
             run: Run { cycles: cycles - first, dt },
+            moves,
             pressing,
             publish: true,
             tally: true,

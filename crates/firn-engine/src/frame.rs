@@ -18,7 +18,7 @@ use crate::reserve::try_filled;
 use super::made::{Made, Maker};
 use super::published::Published;
 
-pub use edit::{Contents, Deposit, Edit, Placement, Stamp};
+pub use edit::{Contents, Deposit, Edit, Moves, Placement, Stamp};
 
 /// A snowpack's row in the backend's tables.
 pub type Slot = u32;
@@ -68,6 +68,8 @@ pub struct Work {
     pub wake: bool,
     /// Cycles to run after the edits.
     pub run: Run,
+    /// How objects move in each of these cycles, where any does.
+    pub moves: Vec<Moves>,
     /// How snow gives way under objects in them. Where that is another way than before, it comes with `wake`.
     pub pressing: Pressing,
     /// Report tiles that changed since the last report, and the contacts.
@@ -169,9 +171,10 @@ pub struct WorkOutcome {
     /// Units that were done in this frame, about.
     pub units: u64,
     /// For each edit, the mass quanta it refused (`Deposit`) or removed (`Clear`), or its largest dent in
-    /// thickness quanta (`Stamp`).
+    /// thickness quanta (`Stamp`); first for those of the work, then for those of its moves.
     pub edits: Vec<u64>,
-    /// 1 + index of the last cycle of the run in which a cell changed; 0 where none did.
+    /// 1 + index of the last cycle of the run in which a cell changed; 0 where none did. Where objects move, that is
+    /// the last.
     pub last_change: u32,
     /// Numbers of its tiles in the outcome's `published`; none where it did not publish.
     pub tiles: Range<u32>,

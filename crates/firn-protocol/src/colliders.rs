@@ -1,6 +1,6 @@
 //! Objects that stand on the snow.
 
-use firn_snow::{Body, Part, Position, Shape};
+use firn_snow::{Body, Motion, Part, Position, Shape, path_length};
 use serde::{Deserialize, Serialize};
 
 use crate::problem::FieldError;
@@ -36,12 +36,39 @@ pub struct ColliderSpec {
     /// Whether it is held up and does not press the snow.
     #[serde(default)]
     pub airborne: bool,
+    /// Velocity along x and z \[m/s\], 100 m/s at the most. The world moves the object until it is told otherwise or
+    /// is at the edge of the grid.
+    #[serde(default)]
+    pub velocity: Position,
+    /// How fast it turns \[°/s\], clockwise from above.
+    #[serde(default)]
+    #[cfg_attr(feature = "schema", schema(minimum = -720, maximum = 720))]
+    pub turn_rate: f64,
+    /// Points \[x, z\] \[m\] that it passes, in order, from its position on; then it goes on with its velocity. It comes
+    /// with `over`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(min_items = 1, max_items = 4096))]
+    pub path: Option<Vec<[f64; 2]>>,
+    /// Simulated time that it takes for the path \[s\], at 100 m/s at the most.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 86_400))]
+    pub over: Option<f64>,
+}
+
+/// A path along some points from a position on, taken in so many seconds.
+fn motion_along(from: Position, path: &[[f64; 2]], over: Option<f64>) -> Motion {
+    let speed = over.map(|over| path_length(from, path) / over);
+    Motion { path: path.to_vec(), speed, ..Motion::default() }
 }
 
 impl ColliderSpec {
     /// The object without its name.
     pub fn body(&self) -> Body {
+        let path = self.path.as_deref().unwrap_or_default();
+        let along = motion_along(self.position, path, self.over.filter(|_| !path.is_empty()));
+        let motion = Motion { velocity: self.velocity, turn_rate: self.turn_rate, ..along };
         Body {
+            motion,
             mass: self.mass,
             shape: self.shape.clone(),
             footprints: self.footprints.clone().unwrap_or_default(),
@@ -72,26 +99,60 @@ pub struct ColliderPatch {
     pub heading: Option<f64>,
     /// Whether it is held up.
     pub airborne: Option<bool>,
+    /// Velocity along x and z \[m/s\], 100 m/s at the most. It ends a path under way.
+    pub velocity: Option<Position>,
+    /// How fast it turns \[°/s\], clockwise from above.
+    #[cfg_attr(feature = "schema", schema(minimum = -720, maximum = 720))]
+    pub turn_rate: Option<f64>,
+    /// Points \[x, z\] \[m\] that it passes, in order, from where it is; then it stays, or goes on with a velocity that
+    /// comes along. It comes with `over`.
+    #[cfg_attr(feature = "schema", schema(min_items = 1, max_items = 4096))]
+    pub path: Option<Vec<[f64; 2]>>,
+    /// Simulated time that it takes for the path \[s\], at 100 m/s at the most.
+    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 86_400))]
+    pub over: Option<f64>,
+    /// Whether it is swept to the new position, and turned to the new heading, in the next cycle, rather than lifted
+    /// there: it leaves a track without gaps. What is more than 32 columns away takes several cycles.
+    pub sweep: bool,
 }
 
 impl ColliderPatch {
     /// The object with these changes.
-    pub fn apply(self, old: &Body) -> ColliderSpec {
-        let outline = match (self.shape, self.footprints) {
-            (None, None) => {
-                (old.shape.clone(), Some(old.footprints.clone()).filter(|it| !it.is_empty()))
-            }
-            given => given,
-        };
-        ColliderSpec {
-            id: None,
-            mass: self.mass.unwrap_or(old.mass),
-            shape: outline.0,
-            footprints: outline.1,
-            position: self.position.unwrap_or(old.position),
-            heading: self.heading.unwrap_or(old.heading),
-            airborne: self.airborne.unwrap_or(old.airborne),
+    pub fn apply(self, old: &Body) -> Body {
+        let mut body = old.clone();
+        if self.shape.is_some() || self.footprints.is_some() {
+            (body.shape, body.footprints) = (self.shape, self.footprints.unwrap_or_default());
         }
+        body.mass = self.mass.unwrap_or(old.mass);
+        body.airborne = self.airborne.unwrap_or(old.airborne);
+        let motion = &mut body.motion;
+        motion.turn_rate = self.turn_rate.unwrap_or(motion.turn_rate);
+        if let Some(velocity) = self.velocity {
+            motion.leave_path();
+            motion.velocity = velocity;
+        }
+        let to = self.position.unwrap_or(old.position);
+        if self.sweep {
+            if motion.speed.is_some() {
+                motion.leave_path();
+            }
+            // Where it has not got to the end of another sweep, it goes there first.
+            motion.path.push([to.x, to.z]);
+            motion.turn_to = self.heading.or(motion.turn_to);
+        } else {
+            if self.position.is_some() {
+                motion.leave_path();
+            }
+            body.position = to;
+            body.heading = self.heading.unwrap_or(old.heading);
+        }
+        if let Some(path) = self.path {
+            let Motion { turn_rate, .. } = body.motion;
+            let velocity = self.velocity.unwrap_or_default();
+            let along = motion_along(body.position, &path, self.over);
+            body.motion = Motion { velocity, turn_rate, ..along };
+        }
+        body
     }
 }
 

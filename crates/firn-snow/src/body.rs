@@ -2,6 +2,7 @@
 
 use super::footprint::Footprint;
 use super::grid::Grid;
+use super::motion::Motion;
 use super::shape::{Shape, Turn};
 
 /// Most footprints of an object. A device sums up their contact side by side.
@@ -59,6 +60,9 @@ pub struct Body {
     /// Whether it is held up and does not press the snow.
     #[cfg_attr(feature = "serde", serde(default))]
     pub airborne: bool,
+    /// How it moves by itself.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub motion: Motion,
 }
 
 impl Part {
@@ -107,7 +111,15 @@ impl Body {
     /// Memory that it takes beside its own size \[bytes\].
     pub fn heap_bytes(&self) -> usize {
         let footprints = self.footprints.iter().map(Part::bytes).sum::<usize>();
-        self.shape.as_ref().map_or(0, Shape::heap_bytes) + footprints
+        let path = size_of_val(&self.motion.path[..]);
+        self.shape.as_ref().map_or(0, Shape::heap_bytes) + footprints + path
+    }
+
+    /// Whether it stands where another does, and on the same outlines, whatever it weighs and however it moves.
+    pub fn stands_as(&self, other: &Body) -> bool {
+        let Body { shape, footprints, position, heading, airborne, mass: _, motion: _ } = other;
+        (&self.shape, &self.footprints, self.position, self.heading, self.airborne)
+            == (shape, footprints, *position, *heading, *airborne)
     }
 
     /// What it weighs on the snow \[kg\]: nothing while it is held up.

@@ -36,6 +36,7 @@ mod elevation;
 mod footprint;
 mod grid;
 mod material;
+mod motion;
 mod path;
 mod preset;
 mod pressing;
@@ -56,6 +57,7 @@ pub use grid::{
 pub use material::{
     GRAVITY, HardnessLaw, LoadDistribution, Material, REFERENCE_CELL_SIZE, gold_prefactor,
 };
+pub use motion::{MOST_PATH_POINTS, MOST_STEPS, Motion, path_length};
 pub use path::{columns_along, rows_along};
 pub use preset::Preset;
 pub use pressing::Pressing;

@@ -33,8 +33,10 @@ pub struct Snowpack {
     material: Material,
     tiles: Vec<Tile>,
     colliders: BTreeMap<Arc<str>, Collider>,
-    /// Tiles under objects, in ascending order.
+    /// Tiles under objects and swept ones, in ascending order.
     loaded: Vec<usize>,
+    /// Tiles that belong to those in this cycle, because objects move over them.
+    swept: BTreeSet<usize>,
     /// Objects have come, moved or gone since those were listed.
     relist: bool,
     /// Δt of the last run \[s\].
@@ -67,6 +69,7 @@ impl Snowpack {
             tiles,
             colliders: BTreeMap::new(),
             loaded: Vec::new(),
+            swept: BTreeSet::new(),
             relist: false,
             dt: 0.0,
             pressing: Pressing::default(),
@@ -195,17 +198,21 @@ impl Snowpack {
         }
         for &tile in &self.loaded {
             self.tiles[tile].loads.clear();
+            self.tiles[tile].under_objects = false;
         }
         self.loaded.clear();
+        self.loaded.extend(&self.swept);
         for (index, collider) in self.colliders.values().enumerate() {
             for &tile in &collider.tiles {
-                if self.tiles[tile].loads.is_empty() {
-                    self.loaded.push(tile);
-                }
+                self.loaded.push(tile);
                 self.tiles[tile].loads.push(index);
             }
         }
         self.loaded.sort_unstable();
+        self.loaded.dedup();
+        for &tile in &self.loaded {
+            self.tiles[tile].under_objects = true;
+        }
     }
 
     /// Gives the snow other constants, and wakes every tile.

@@ -95,11 +95,16 @@ impl SessionState {
     fn put(&mut self, id: &Arc<str>, object: &Body, orders: &mut Orders) -> u64 {
         // It was in the grid when this was decided.
         let Some(footprints) = object.on(&self.grid) else { return 0 };
-        // A change of mass alone doesn't move an object: the depth it has sunk goes on counting.
-        let moved = |old: &Collider| old.body != Body { mass: old.body.mass, ..object.clone() };
+        // What leaves an object where it is doesn't move it: the depth it has sunk goes on counting.
+        let moved = |old: &Collider| !old.body.stands_as(object);
         let placed = self.colliders.get(id).is_none_or(moved);
         let collider = Arc::new(Placement { mass: object.load(), footprints });
         orders.edits.push(Edit::PutCollider { id: id.clone(), collider, placed });
+        if object.motion.is_still() {
+            self.movers.remove(id);
+        } else {
+            self.movers.insert(id.clone());
+        }
         let collider = Collider::new(object.clone(), &self.grid);
         let tiles = collider.reach.tiles;
         self.colliders.insert(id.clone(), collider);
@@ -109,6 +114,7 @@ impl SessionState {
     /// Takes an object away. Returns on how many tiles it stood.
     fn remove(&mut self, id: &Arc<str>, orders: &mut Orders) -> u64 {
         let Some((id, collider)) = self.colliders.remove_entry(id) else { return 0 };
+        self.movers.remove(&id);
         orders.edits.push(Edit::RemoveCollider { id });
         collider.reach.tiles
     }

@@ -14,6 +14,7 @@ mod ground;
 mod happening;
 mod inbox;
 mod mirror;
+mod moving;
 mod orders;
 mod outlet;
 mod portion;

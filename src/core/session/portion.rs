@@ -105,10 +105,16 @@ impl Portions {
         self.awake = tiles.into();
     }
 
-    /// Units of a cycle, with some objects on the snow.
-    pub fn cycle<'a>(&self, grid: &Grid, objects: impl Iterator<Item = &'a Reach>) -> u64 {
+    /// Units of a cycle, with some objects on the snow, under which it is taken in so many steps.
+    pub fn cycle<'a>(
+        &self,
+        grid: &Grid,
+        objects: impl Iterator<Item = &'a Reach>,
+        steps: u32,
+    ) -> u64 {
         let snow = self.awake.min(grid.tiles().into()) * cells_of_tile(grid);
-        objects.fold(snow, |sum, object| sum.saturating_add(object.units(grid)))
+        let units = |object: &Reach| object.units(grid).saturating_mul(steps.into());
+        objects.fold(snow, |sum, object| sum.saturating_add(units(object)))
     }
 
     /// Has what fits a frame go as it is, and the rest in parts. `cycle` is what a cycle costs.
@@ -237,12 +243,13 @@ mod tests {
         let reach = Reach::new(&object, &GRID);
         let object = contact_units(16) + 4 * TILE;
         portions.disturb(3);
-        assert_eq!(portions.cycle(&GRID, [].into_iter()), 3 * TILE);
-        assert_eq!(portions.cycle(&GRID, [&reach, &reach].into_iter()), 3 * TILE + 2 * object);
+        assert_eq!(portions.cycle(&GRID, [].into_iter(), 1), 3 * TILE);
+        assert_eq!(portions.cycle(&GRID, [&reach, &reach].into_iter(), 1), 3 * TILE + 2 * object);
+        assert_eq!(portions.cycle(&GRID, [&reach].into_iter(), 5), 3 * TILE + 5 * object);
         portions.disturb(100);
-        assert_eq!(portions.cycle(&GRID, [].into_iter()), 64 * TILE, "no more than there are");
+        assert_eq!(portions.cycle(&GRID, [].into_iter(), 1), 64 * TILE, "no more than there are");
         portions.awake(1);
-        assert_eq!(portions.cycle(&GRID, [].into_iter()), TILE);
+        assert_eq!(portions.cycle(&GRID, [].into_iter(), 1), TILE);
         assert_eq!(portions.cycles(FIRST / 5), 5);
         assert_eq!(portions.cycles(10 * FIRST), 1);
     }

@@ -2,7 +2,7 @@
 //! costs follow from that.
 
 use firn_engine::frame::contact_units;
-use firn_snow::{Body, Grid, Shape, TILE_COLUMNS, TILE_SIDE, Turn};
+use firn_snow::{Body, Grid, Shape, TILE_COLUMNS, TILE_SIDE};
 
 /// Words of four bytes of a footprint itself in the device's tables.
 const WORDS: u64 = 15;
@@ -19,10 +19,15 @@ pub(crate) struct Reach {
 }
 
 impl Reach {
-    /// Of an object, as it is turned.
+    /// Of an object, as it is turned, or however it turns.
     pub fn new(object: &Body, grid: &Grid) -> Reach {
         object.outlines().fold(Reach::default(), |all, (shape, _, turn)| {
-            let own = Reach::of(shape, turn, grid);
+            let reach = shape.reach(turn);
+            let (width, depth) = (reach.x1 - reach.x0, reach.z1 - reach.z0);
+            let diagonal = width.hypot(depth);
+            let turns = object.motion.turns();
+            let extent = if turns { (diagonal, diagonal) } else { (width, depth) };
+            let own = Reach::of(shape, extent, grid);
             Reach {
                 columns: all.columns + own.columns,
                 rows: all.rows + own.rows,
@@ -32,10 +37,8 @@ impl Reach {
         })
     }
 
-    /// Of an outline.
-    fn of(shape: &Shape, turn: Turn, grid: &Grid) -> Reach {
-        let reach = shape.reach(turn);
-        let (width, depth) = (reach.x1 - reach.x0, reach.z1 - reach.z0);
+    /// Of an outline of some extent along x and z \[m\].
+    fn of(shape: &Shape, (width, depth): (f64, f64), grid: &Grid) -> Reach {
         let columns = |extent: f64, most: u32| {
             ((extent / grid.cell_size).ceil() as u64).saturating_add(1).min(most.into())
         };

@@ -198,9 +198,9 @@ impl Simulation {
         self.last_dt.or(self.state.clock.steady_cycle()).unwrap_or(0.0)
     }
 
-    /// Whether no snow falls and the last executed cycle changed no cell.
+    /// Whether no snow falls, no object moves, and the last executed cycle changed no cell.
     pub(crate) fn is_settled(&self) -> bool {
-        self.settled && self.state.settings.snowfall_rate == 0.0
+        self.settled && self.state.settings.snowfall_rate == 0.0 && !self.state.moves()
     }
 
     /// Whether nothing can move in any later tick, so that ticks pass by themselves.
@@ -211,7 +211,7 @@ impl Simulation {
     /// Whether nothing can move in any tick until it is disturbed, by snow that falls too.
     pub(crate) fn is_still(&self) -> bool {
         let cycle = self.state.clock.steady_cycle();
-        cycle.is_none_or(|dt| self.still && Some(dt) == self.last_dt)
+        cycle.is_none_or(|dt| self.still && Some(dt) == self.last_dt && !self.state.moves())
     }
 
     /// Whether its ticks pass by themselves: nothing moves, and its time goes on.

@@ -1,6 +1,6 @@
 //! The host's half of a snowpack: all but its cells.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use firn_protocol::{SessionSpec, Settings};
@@ -16,6 +16,8 @@ pub(crate) struct SessionState {
     pub settings: Settings,
     pub material: Material,
     pub colliders: BTreeMap<Arc<str>, Collider>,
+    /// Those of them that move by themselves.
+    pub movers: BTreeSet<Arc<str>>,
     pub ledger: Ledger,
     pub falling: Falling,
     /// The ground, where it is no longer the one that the session was created with.
@@ -41,6 +43,7 @@ impl SessionState {
             settings: spec.settings(),
             material: spec.material,
             colliders: BTreeMap::new(),
+            movers: BTreeSet::new(),
             ledger: Ledger::default(),
             falling: Falling::default(),
             ground: None,

@@ -67,6 +67,7 @@ impl Simulation {
             }
         }
         let run = advance.run;
+        let moves = self.state.move_objects(run);
         self.unpublished |= advance.ticks > 0 || self.has_orders();
         let mut orders = std::mem::take(&mut self.next);
         let publish = match &self.replay {
@@ -86,6 +87,7 @@ impl Simulation {
             edits: std::mem::take(&mut orders.edits),
             wake: orders.wake,
             run,
+            moves,
             pressing: self.state.settings.pressing,
             publish,
             tally: !orders.tallies.is_empty(),
@@ -131,7 +133,8 @@ impl Simulation {
     /// Units that one of its cycles costs.
     fn units_of_cycle(&self) -> u64 {
         let objects = self.state.colliders.values().map(|collider| &collider.reach);
-        self.portions.cycle(&self.session.spec.grid, objects)
+        let steps = self.state.clock.steady_cycle().map_or(1, |dt| self.state.steps_of_cycle(dt));
+        self.portions.cycle(&self.session.spec.grid, objects, steps)
     }
 
     /// Lets the ticks up to a frame slip while those before them are under way: they don't pile up.

@@ -59,7 +59,9 @@ impl Description {
             let collider = Collider { contact: saved.contact, ..new };
             (Arc::from(saved.id.as_str()), collider)
         };
+        let moves = |saved: &&SavedCollider| !saved.body.motion.is_still();
         SessionState {
+            movers: self.colliders.iter().filter(moves).map(|it| Arc::from(&*it.id)).collect(),
             grid,
             clock: self.clock,
             settings: self.settings,

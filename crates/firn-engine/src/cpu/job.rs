@@ -15,9 +15,13 @@ const OBJECT: u64 = 64;
 #[derive(Debug)]
 pub struct Job {
     work: Work,
+    /// The edits that are due: those of the work, later those of a step.
+    edits: Vec<Edit>,
     /// The edit that is under way, and the first row of tiles, or tile, that it still has to do.
     edit: usize,
     next: u32,
+    /// How far the moves have come, while objects move.
+    moving: Option<Moving>,
     /// An object was put since contacts were last evaluated.
     put: bool,
     /// What has to be evaluated now, or run.
@@ -29,11 +33,31 @@ pub struct Job {
     tallied: u32,
 }
 
+/// How far the moves of some work have come.
+#[derive(Debug)]
+struct Moving {
+    cycle: usize,
+    step: u32,
+    /// The edits of the step have been carried out, and its cycle has begun.
+    begun: bool,
+}
+
 impl Job {
     /// Work that is about to begin.
-    pub fn new(work: Work) -> Job {
+    pub fn new(mut work: Work) -> Job {
         let outcome = WorkOutcome { slot: work.slot, ..WorkOutcome::default() };
-        Job { work, edit: 0, next: 0, put: false, progress: None, runs: false, outcome, tallied: 0 }
+        Job {
+            edits: std::mem::take(&mut work.edits),
+            work,
+            edit: 0,
+            next: 0,
+            moving: None,
+            put: false,
+            progress: None,
+            runs: false,
+            outcome,
+            tallied: 0,
+        }
     }
 
     /// Takes what a frame says that resumes it.
@@ -68,8 +92,12 @@ impl Job {
             }
             return Some(units);
         }
-        if self.edit < self.work.edits.len() {
+        if self.edit < self.edits.len() {
             return Some(self.go_on_editing(snowpack));
+        }
+        if self.moving.is_some() {
+            self.go_on_moving(snowpack);
+            return Some(1);
         }
         if !self.runs {
             self.runs = true;
@@ -100,23 +128,65 @@ impl Job {
     /// Begins the cycles, or what is evaluated where there are none.
     fn begin_run(&mut self, snowpack: &mut Snowpack) {
         // What is restored is left as it was saved.
-        let edited = self.work.edits.last().is_some_and(|edit| !matches!(edit, Edit::Restore(_)));
+        let edited = self.edits.last().is_some_and(|edit| !matches!(edit, Edit::Restore(_)));
         if self.work.wake {
             snowpack.wake();
         }
         let run = self.work.run;
         if run.cycles > 0 {
             snowpack.set_pressing(self.work.pressing);
+        }
+        if !self.work.moves.is_empty() {
+            self.begin_moves(snowpack, 0);
+        } else if run.cycles > 0 {
             self.progress = Some(snowpack.begin_run(run.cycles, run.dt));
         } else if edited {
             self.progress = Some(snowpack.begin_evaluation());
         }
     }
 
+    /// Begins a cycle in which objects move, or what follows the last one.
+    fn begin_moves(&mut self, snowpack: &mut Snowpack, cycle: usize) {
+        let Some(moves) = self.work.moves.get_mut(cycle) else {
+            self.moving = None;
+            self.outcome.last_change = self.work.run.cycles;
+            return;
+        };
+        let grid = *snowpack.grid();
+        snowpack.begin_moves(moves.tiles(&grid));
+        self.moving = Some(Moving { cycle, step: 0, begun: false });
+        self.take_edits_of_step(0, cycle);
+    }
+
+    /// Has the edits of a step carried out next.
+    fn take_edits_of_step(&mut self, step: u32, cycle: usize) {
+        let steps = self.work.moves.get_mut(cycle).map(|moves| &mut moves.steps);
+        let edits = steps.and_then(|steps| steps.get_mut(step as usize));
+        self.edits = edits.map(std::mem::take).unwrap_or_default();
+        (self.edit, self.next) = (0, 0);
+    }
+
+    /// Goes on with the moves: begins the step whose edits have been carried out, or ends it.
+    fn go_on_moving(&mut self, snowpack: &mut Snowpack) {
+        let Some(Moving { cycle, step, begun }) = self.moving else { return };
+        let steps = self.work.moves[cycle].count();
+        if !begun {
+            self.put = false;
+            self.progress = Some(snowpack.begin_step(self.work.run.dt, steps, step == 0));
+            self.moving = Some(Moving { cycle, step, begun: true });
+        } else if step + 1 < steps {
+            self.moving = Some(Moving { cycle, step: step + 1, begun: false });
+            self.take_edits_of_step(step + 1, cycle);
+        } else {
+            snowpack.end_moves();
+            self.begin_moves(snowpack, cycle + 1);
+        }
+    }
+
     /// Goes on with the edit that is under way: a row of tiles of what falls or is cleared, a tile of what
     /// is restored or gets other ground, all of any other.
     fn go_on_editing(&mut self, snowpack: &mut Snowpack) -> u64 {
-        let edit = &self.work.edits[self.edit];
+        let edit = &self.edits[self.edit];
         // The depth an object sinks counts from where it was put, not from later snow.
         if self.put && edit.columns().is_some() {
             self.put = false;
@@ -124,7 +194,7 @@ impl Job {
             return 1;
         }
         self.put |= matches!(edit, Edit::PutCollider { .. });
-        if self.outcome.edits.len() == self.edit {
+        if self.next == 0 {
             self.outcome.edits.push(0);
         }
         let (next, joining) = (self.next, edit.joining());
@@ -177,8 +247,9 @@ impl Job {
                 (0, cells_of(snowpack.grid()), end)
             }
         };
-        let all = &mut self.outcome.edits[self.edit];
-        *all = joining(*all, result);
+        if let Some(all) = self.outcome.edits.last_mut() {
+            *all = joining(*all, result);
+        }
         self.next += 1;
         if self.next >= end {
             (self.edit, self.next) = (self.edit + 1, 0);

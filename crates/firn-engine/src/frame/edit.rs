@@ -2,9 +2,38 @@
 
 use std::sync::Arc;
 
-use firn_snow::{ColumnRect, Contact, Coverage, Footprint, Material, SurfaceLoad};
+use firn_snow::{ColumnRect, Contact, Coverage, Footprint, Grid, Material, SurfaceLoad};
 
 use super::TileCells;
+
+/// How objects move in a cycle: what changes before each of the equal steps in which it is taken, under objects.
+/// Other snow takes it at once. Without steps it is a cycle like others.
+#[derive(Clone, Debug, Default)]
+pub struct Moves {
+    /// Changes before each step: snow that is laid down, then objects that are put.
+    pub steps: Vec<Vec<Edit>>,
+}
+
+impl Moves {
+    /// Steps of the cycle, at least one.
+    pub fn count(&self) -> u32 {
+        self.steps.len().max(1) as u32
+    }
+
+    /// Columns under each object after each step.
+    pub fn placements(&self) -> impl Iterator<Item = &Placement> {
+        self.steps.iter().flatten().filter_map(|edit| match edit {
+            Edit::PutCollider { collider, .. } => Some(&**collider),
+            _ => None,
+        })
+    }
+
+    /// Tiles over which objects move, some of them told several times.
+    pub fn tiles<'a>(&'a self, grid: &'a Grid) -> impl Iterator<Item = u32> + 'a {
+        let footprints = self.placements().flat_map(|placement| &placement.footprints);
+        footprints.flat_map(|footprint| footprint.tiles(grid))
+    }
+}
 
 /// A change of one snowpack.
 #[derive(Clone, Debug)]

@@ -9,7 +9,7 @@ use super::GpuBackend;
 use super::due::Due;
 use super::job::{Job, Part, Step};
 use super::kernels::KernelId;
-use super::plan::{Dispatch, Planner};
+use super::plan::{Dispatch, Moving, Planner};
 use super::profile::Profile;
 use super::report::Reports;
 use super::resident::Residents;
@@ -24,17 +24,18 @@ impl GpuBackend {
         let parted = self.part(&mut frame);
         let mut cycles: Vec<u32> = frame.work.iter().map(|work| work.run.cycles).collect();
         let survey = Survey::new(&mut frame, &self.residents)?;
-        let Survey { mut rounds, mut parts, mut totals, .. } = survey;
+        let Survey { mut rounds, mut parts, mut totals, moving, .. } = survey;
         for (&place, part) in &parted {
             let first = totals.edits;
             totals.edits += self.results_of(frame.work[place].slot, part);
             parts[place].edits = first..totals.edits;
         }
+        self.moved = moving.keys().copied().collect();
         let last = rounds.pop().unwrap_or_default();
 
         self.tables.fit_to(&self.device, &self.arena);
         self.tables.reserve_results(&self.device, &totals);
-        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        let mut encoder = self.encoder();
         if let Some(profile) = &mut self.profile {
             profile.begin(&mut encoder);
         }
@@ -43,10 +44,7 @@ impl GpuBackend {
             let (mut planner, residents) = self.planner(&mut evaluated);
             planner.edits(residents, round);
             let dispatches = planner.dispatches;
-            self.encode(&mut encoder, &dispatches);
-            self.tables.mail.finish(&encoder);
-            self.device.queue.submit([encoder.finish()]);
-            encoder = self.device.device.create_command_encoder(&Default::default());
+            encoder = self.submit_some(encoder, &dispatches);
         }
 
         let always_awake = self.always_awake;
@@ -54,25 +52,49 @@ impl GpuBackend {
         planner.edits(residents, last);
         let weighing = frame.work.iter().zip(&parts).filter(|(_, part)| part.weighs);
         planner.weigh(residents, weighing.map(|(work, _)| work.slot));
-        let runs = parted.iter().map(|(&place, part)| (place, part.run)).collect();
+        let apart = parted.iter().map(|(&place, part)| (place, part.run));
+        let runs = apart.chain(moving.iter().map(|(&place, (run, _))| (place, *run))).collect();
         planner.set_runs(&frame.work, &runs, always_awake);
         let loaded = frame.work.iter().zip(&parts).filter(|(_, part)| part.may_be_loaded);
         planner.runs(residents, &frame.work, loaded.map(|(work, _)| work), &totals);
+        let mut moving: Vec<Moving> = moving.into_values().map(|(_, moving)| moving).collect();
         let mut flown = BTreeMap::new();
-        for (&place, part) in &parted {
+        for (place, part) in parted {
             let slot = frame.work[place].slot;
             let Some(resident) = residents.get_mut(slot) else { continue };
             let Some(mut job) = resident.job.take() else { continue };
-            planner.part(slot, resident, &mut job, part, parts[place].edits.start);
-            flown.insert(place, job.flown(part));
+            let first_result = parts[place].edits.start;
+            planner.part(slot, resident, &mut job, &part, first_result);
+            flown.insert(place, job.flown(&part));
             cycles[place] = job.cycles();
+            moving.extend(job.moving(part, first_result));
             resident.job = Some(job);
         }
+        let mut dispatches = planner.dispatches;
+        let schedules = |dispatch: &Dispatch| dispatch.kernel == KernelId::Schedule;
+        let scheduled = dispatches.iter().any(schedules);
+        loop {
+            let (mut planner, residents) = self.planner(&mut evaluated);
+            planner.dispatches = dispatches;
+            let moved = planner.step(residents, &mut moving);
+            let full = planner.is_full();
+            dispatches = planner.dispatches;
+            if !moved {
+                break;
+            }
+            if full {
+                encoder = self.submit_some(encoder, &dispatches);
+                dispatches.clear();
+            }
+        }
+        let (mut planner, residents) = self.planner(&mut evaluated);
+        planner.dispatches = dispatches;
+        planner.end_moves(residents, moving);
         planner.reports(residents, &frame.work, &totals);
         let dispatches = planner.dispatches;
         (self.flown, self.cycles) = (flown, cycles);
         self.encode(&mut encoder, &dispatches);
-        if dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule) {
+        if scheduled {
             self.tables.due.clear(&mut encoder);
         }
         self.readback.copy(&self.device, &mut encoder, &self.tables, totals);
@@ -86,6 +108,22 @@ impl GpuBackend {
         let reports = Reports::new(&frame.work, parts, &self.residents);
         self.readback.begin(submission, reports);
         Ok(())
+    }
+
+    fn encoder(&self) -> wgpu::CommandEncoder {
+        self.device.device.create_command_encoder(&Default::default())
+    }
+
+    /// Submits what is planned so far. Returns an encoder for what follows.
+    fn submit_some(
+        &mut self,
+        mut encoder: wgpu::CommandEncoder,
+        dispatches: &[Dispatch],
+    ) -> wgpu::CommandEncoder {
+        self.encode(&mut encoder, dispatches);
+        self.tables.mail.finish(&encoder);
+        self.device.queue.submit([encoder.finish()]);
+        self.encoder()
     }
 
     /// Says what this frame does of work that is too much for one, or goes on. What is done and reported
@@ -121,7 +159,7 @@ impl GpuBackend {
     fn results_of(&self, slot: Slot, part: &Part) -> u32 {
         let snows = part.steps.iter().any(|step| matches!(step, Step::Snow(_)));
         let job = self.residents.get(slot).and_then(|resident| resident.job.as_ref());
-        job.filter(|_| snows).map_or(0, |job| job.edits())
+        job.filter(|_| snows || part.moves.is_some()).map_or(0, |job| job.edits())
     }
 
     fn planner<'a>(

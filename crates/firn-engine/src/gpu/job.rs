@@ -8,9 +8,11 @@ use std::collections::VecDeque;
 
 use firn_snow::Pressing;
 
-use crate::frame::{Edit, TileCells, Work, WorkOutcome};
+use crate::frame::{Edit, Moves, TileCells, Work, WorkOutcome};
 
+use super::plan::Moving;
 use super::resident::{Resident, rounds};
+use super::survey::count_edits;
 
 pub use part::{Flown, Part, Step, When};
 
@@ -33,6 +35,9 @@ pub struct Job {
     done: u32,
     at_once: u32,
     cycle: u32,
+    /// Cycles that are left in which objects move, and the number of their next edit.
+    moves: VecDeque<Moves>,
+    next_edit: u32,
     /// How the results of parts of each edit are joined.
     joining: Vec<fn(u64, u64) -> u64>,
     /// The cycles have begun.
@@ -54,6 +59,8 @@ enum Stage {
     Press,
     Free,
     Loaded,
+    /// A cycle in which objects move.
+    Move,
     Gather,
     Columns,
     Over,
@@ -63,8 +70,11 @@ impl Job {
     /// Work that is about to begin.
     pub fn new(mut work: Work) -> Job {
         let edits = (0..).zip(std::mem::take(&mut work.edits)).collect::<Vec<_>>();
-        let count = edits.len();
-        let joining = edits.iter().map(|(_, edit)| edit.joining()).collect();
+        let moved = work.moves.iter().flat_map(|moves| moves.steps.iter().flatten());
+        let joining = edits.iter().map(|(_, edit)| edit).chain(moved).map(Edit::joining).collect();
+        let (next_edit, moves) =
+            (edits.len() as u32, VecDeque::from(std::mem::take(&mut work.moves)));
+        let count = edits.len() + count_edits(moves.iter()) as usize;
         let rounds = rounds(edits).into_iter().map(|(edits, _)| edits).collect();
         let outcome =
             WorkOutcome { slot: work.slot, edits: vec![0; count], ..WorkOutcome::default() };
@@ -79,6 +89,8 @@ impl Job {
             at_once: 0,
             cycle: 0,
             runs: false,
+            moves,
+            next_edit,
             joining,
             outcome,
         };
@@ -99,6 +111,13 @@ impl Job {
     /// Cycles that it has in all.
     pub fn cycles(&self) -> u32 {
         self.work.run.cycles
+    }
+
+    /// How objects move in the cycle that a part ends with, if any does.
+    pub fn moving(&self, part: Part, first_result: u32) -> Option<Moving> {
+        let (moves, edit) = part.moves?;
+        let Work { slot, run, pressing, .. } = self.work;
+        Some(Moving::new(slot, run.dt, pressing, vec![moves], first_result + edit))
     }
 
     /// How snow gives way under objects.
@@ -157,7 +176,8 @@ impl Job {
 
     /// What is to be known of a part when it is done.
     pub fn flown(&self, part: &Part) -> Flown {
-        Flown { done: part.done, units: part.units, unfinished: self.outcome.unfinished }
+        let moves = part.moves.is_some();
+        Flown { done: part.done, units: part.units, moves, unfinished: self.outcome.unfinished }
     }
 
     /// Takes in what came of a part.
@@ -166,7 +186,9 @@ impl Job {
         for ((all, own), joining) in edits.zip(&self.joining) {
             *all = joining(*all, *own);
         }
-        if outcome.last_change > 0 {
+        if part.moves {
+            self.outcome.last_change = self.work.run.cycles;
+        } else if outcome.last_change > 0 {
             self.outcome.last_change = part.done + outcome.last_change;
         }
         self.outcome.gathered.extend(outcome.gathered);

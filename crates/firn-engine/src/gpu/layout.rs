@@ -23,6 +23,10 @@ pub const AFTER_EDITS: u32 = 1;
 pub const BACKWARDS: u32 = 2;
 /// `Pass.flags`: the listed tiles are those under objects, after the first cycle.
 pub const UNDER_OBJECTS: u32 = 4;
+/// `Pass.flags`: the host has listed just the tiles that the kernel is for.
+pub const LISTED: u32 = 8;
+/// `Pass.flags`: it is one of the steps of a cycle in which objects move.
+pub const STEPPED: u32 = 16;
 /// A tile's state: a cell changed in the last cycle, or was disturbed since.
 pub const AWAKE: u32 = 1;
 /// A tile's state: a height changed since the last publication.
@@ -141,7 +145,7 @@ pub struct Run {
     /// Its row in the table of sums.
     pub tally: u32,
     /// Thickness quanta by which a load presses a cell in a cycle at the most; 0 where snow creeps under it.
-    pub step: u32,
+    pub press: u32,
 }
 
 /// Where a tile is.
@@ -453,6 +457,10 @@ pub struct Pass {
     pub flags: u32,
     /// Where the length of a list of tiles stands.
     pub length: u32,
+    /// What [`Run`] has under the same names, for one of the steps of a cycle in which objects move.
+    pub rate: f32,
+    /// See `rate`.
+    pub press: u32,
 }
 
 /// A 64-bit number of two words.

@@ -58,6 +58,8 @@ pub struct GpuBackend {
     submitted: Instant,
     /// Parts of work in the frame in flight, by their places in it.
     flown: BTreeMap<usize, Flown>,
+    /// Places of the work in it in which objects move.
+    moved: Vec<usize>,
     /// Cycles of each work in it, those of a part's whole work where it is one.
     cycles: Vec<u32>,
     always_awake: bool,
@@ -122,6 +124,7 @@ impl GpuBackend {
             outcomes: VecDeque::new(),
             submitted: Instant::now(),
             flown: BTreeMap::new(),
+            moved: Vec::new(),
             cycles: Vec::new(),
             always_awake,
             one_by_one: false,
@@ -264,6 +267,9 @@ impl GpuBackend {
         match arrived? {
             Some((mut outcome, awake)) => {
                 outcome.took = self.submitted.elapsed();
+                for place in std::mem::take(&mut self.moved) {
+                    outcome.work[place].last_change = self.cycles[place];
+                }
                 for (place, flown) in std::mem::take(&mut self.flown) {
                     self.take_in(&mut outcome.work[place], &flown);
                 }

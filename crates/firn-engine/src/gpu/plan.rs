@@ -2,9 +2,11 @@
 
 mod edits;
 mod job;
+mod moves;
 mod reports;
 mod runs;
 
+pub use moves::Moving;
 pub use runs::FEW_TILES;
 
 use std::collections::BTreeSet;

@@ -123,11 +123,15 @@ impl Resident {
         }
     }
 
+    /// Tiles that may be awake, and perhaps some of those under objects.
+    pub fn may_move(&self) -> impl Iterator<Item = u32> + '_ {
+        let all = if self.awake.is_none() { self.lot.places.len() as u32 } else { 0 };
+        self.awake.iter().flatten().copied().chain(0..all)
+    }
+
     /// Tiles under no object that a cycle may change.
     pub fn free(&self) -> impl Iterator<Item = u32> + '_ {
-        let all = if self.awake.is_none() { self.lot.places.len() as u32 } else { 0 };
-        let tiles = self.awake.iter().flatten().copied().chain(0..all);
-        tiles.filter(|tile| !self.loads.contains_key(tile))
+        self.may_move().filter(|tile| !self.loads.contains_key(tile))
     }
 
     /// How many they are at the most.

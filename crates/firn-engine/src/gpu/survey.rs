@@ -1,11 +1,12 @@
 //! A first look through a frame: what its work amounts to.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
-use crate::frame::{ColumnRead, Edit, EngineError, Frame, SampleBox, Work};
+use crate::frame::{ColumnRead, Edit, EngineError, Frame, Moves, Run, SampleBox, Work};
 use crate::parallel;
 
-use super::plan::Round;
+use super::plan::{Moving, Round};
 use super::resident::{self, LARGEST_ROUND, Resident, Residents};
 
 /// What the work of a frame amounts to.
@@ -17,6 +18,8 @@ pub struct Survey {
     pub rounds: Vec<Vec<Round>>,
     /// Rows that each of them takes, about.
     rows: Vec<u64>,
+    /// Snowpacks in which objects move, by their places among the work: their runs, and how they move.
+    pub moving: BTreeMap<usize, (Run, Moving)>,
     /// What each work is about.
     pub parts: Vec<Part>,
     /// How much there is in all.
@@ -80,6 +83,11 @@ fn needs_stress(work: &Work) -> bool {
     work.run.cycles > 0 || work.reads_cells()
 }
 
+/// Edits of some moves.
+pub fn count_edits<'a>(moves: impl Iterator<Item = &'a Moves>) -> u32 {
+    moves.flat_map(|moves| &moves.steps).map(|step| step.len() as u32).sum()
+}
+
 impl Survey {
     /// Looks through the work of a frame, and takes the edits out of it.
     ///
@@ -124,6 +132,13 @@ impl Survey {
         }
         totals.column_cells += work.columns.iter().map(ColumnRead::cells).sum::<u64>();
         totals.samples += work.samples.iter().map(SampleBox::cells).sum::<u64>();
+        if !work.moves.is_empty() {
+            let (run, moves) = (std::mem::take(&mut work.run), std::mem::take(&mut work.moves));
+            let next = totals.edits;
+            totals.edits += count_edits(moves.iter());
+            let moving = Moving::new(work.slot, run.dt, work.pressing, moves, next);
+            self.moving.insert(self.parts.len(), (run, moving));
+        }
         if work.run.cycles > 0 {
             totals.cycles = totals.cycles.max(work.run.cycles);
             totals.running += tiles.len();

@@ -23,6 +23,10 @@ pub struct Progress {
     stage: Stage,
     /// The first object or tile that the stage still has to do.
     next: usize,
+    /// Steps that the cycle has for tiles under objects: 1 where none moves.
+    steps: u32,
+    /// Tiles that are under no object meanwhile have had the cycle.
+    under_objects: bool,
     /// A cell under an object has changed in this cycle.
     moved: bool,
     /// A contact is not what it was in the cycle before.
@@ -54,6 +58,8 @@ impl Progress {
             cycle: 0,
             stage: Stage::Contacts,
             next: 0,
+            steps: 0,
+            under_objects: false,
             moved: false,
             restless: false,
             last_change: 0,
@@ -125,6 +131,26 @@ impl Snowpack {
         Progress { over: cycles == 0, ..Progress::new(cycles) }
     }
 
+    /// Begins a cycle in which objects move over some tiles. Until it ends, these and all under objects are stepped
+    /// together, and no others.
+    pub fn begin_moves(&mut self, tiles: impl Iterator<Item = u32>) {
+        self.list_loads();
+        self.swept = self.loaded.iter().copied().chain(tiles.map(|tile| tile as usize)).collect();
+        self.relist = true;
+    }
+
+    /// Begins one of so many equal steps of such a cycle, which takes `dt` seconds. All other tiles take the cycle
+    /// with the `first`.
+    pub fn begin_step(&mut self, dt: f64, steps: u32, first: bool) -> Progress {
+        Progress { steps, under_objects: !first, ..self.begin_run(1, dt) }
+    }
+
+    /// Ends such a cycle.
+    pub fn end_moves(&mut self) {
+        self.swept.clear();
+        self.relist = true;
+    }
+
     /// Goes on with a run or an evaluation, until about so many units are done or all of it is over; at
     /// least one object or tile is. Nothing else may happen to the snowpack in between. Returns the units
     /// that were done.
@@ -185,7 +211,7 @@ impl Snowpack {
     /// Evaluates the stresses that have changed: of any tile before the first cycle, later of those under
     /// objects.
     fn press(&mut self, progress: &mut Progress, most: u64) -> u64 {
-        let all = progress.cycle == 0;
+        let all = progress.cycle == 0 && !progress.under_objects;
         let colliders: Vec<&Collider> = self.colliders.values().collect();
         let (grid, material, always) = (&self.grid, &self.material, self.always_awake);
         let is_due = |tile: &Tile| {
@@ -233,7 +259,7 @@ impl Snowpack {
         if part.is_empty() {
             progress.enter(Stage::Loaded);
         }
-        let due = part.into_par_iter().filter(|tile| tile.loads.is_empty());
+        let due = part.into_par_iter().filter(|tile| !tile.under_objects);
         let compacted = due.map(|tile| {
             tile.run_if_due(always, cycles, |column| column.compact(grid, material, cycles, dt))
         });
@@ -248,7 +274,10 @@ impl Snowpack {
     fn compact_loaded(&mut self, progress: &mut Progress, most: u64) -> u64 {
         let most_tiles = most / self.units_of_a_tile();
         let (grid, material, always) = (&self.grid, &self.material, self.always_awake);
-        let (dt, step) = (self.dt as f32, self.pressing.step(self.dt));
+        // What rests in a step need not rest in a cycle, which is longer.
+        let (dt, in_steps) = (self.dt / f64::from(progress.steps.max(1)), progress.steps > 0);
+        let step = self.pressing.step(dt);
+        let dt = dt as f32;
         let part = next_among(&mut self.tiles, &self.loaded, &mut progress.next, most_tiles);
         if part.is_empty() {
             let stops = !progress.moved && !progress.restless && !always;
@@ -260,7 +289,12 @@ impl Snowpack {
             Some(step) => u32::from(column.press(grid, material, step, dt)),
             None => column.compact(grid, material, 1, dt),
         };
-        let compacted = part.into_par_iter().map(|tile| tile.run_if_due(always, 1, run));
+        let compacted = part.into_par_iter().map(|tile| {
+            let was_awake = tile.awake;
+            let compacted = tile.run_if_due(always, 1, run);
+            tile.awake |= was_awake && in_steps;
+            compacted
+        });
         let (last, units) = compacted.reduce(|| (0, 0), |a, b| (a.0.max(b.0), a.1 + b.1));
         progress.moved |= last > 0;
         units

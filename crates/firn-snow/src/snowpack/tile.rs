@@ -26,6 +26,8 @@ pub(super) struct Tile {
     pub heights: [u32; COLUMNS],
     /// Objects that stand on the tile: indices in ascending order of ids.
     pub loads: Vec<usize>,
+    /// Whether it is under an object, or one moves over it in this cycle.
+    pub under_objects: bool,
     /// Whether a cell may change in the next cycle.
     pub awake: bool,
     /// Changed since it was last reported.
@@ -64,6 +66,7 @@ impl Tile {
             ground: ground_of(grid, rect, ground),
             heights: [0; COLUMNS],
             loads: Vec::new(),
+            under_objects: false,
             awake: false,
             dirty: true,
             moved: false,

@@ -7,7 +7,7 @@ use firn_protocol::{
     BatchOutcome, BatchResult, BatchResults, ColliderBatch, ColliderPatch, ColliderSpec,
     FieldError, OnError,
 };
-use firn_snow::{Body, Grid, MOST_CORNERS, MOST_FOOTPRINTS, Shape};
+use firn_snow::{Body, Grid, MOST_CORNERS, MOST_FOOTPRINTS, MOST_PATH_POINTS, Motion, Shape};
 
 use crate::core::session::{
     Check, Collider, Command, Decision, Invalid, Reach, SessionError, SessionState, Told,
@@ -19,6 +19,14 @@ const LARGEST_BATCH: usize = 4096;
 
 /// Largest radius and width of a wheel \[m\].
 const LARGEST_WHEEL: f64 = 5.0;
+
+/// Fastest that an object moves \[m/s\] and turns \[°/s\].
+const FASTEST: f64 = 100.0;
+const FASTEST_TURN: f64 = 720.0;
+
+/// Longest time for a path \[s\], and how far from 0 its points are at the most \[m\].
+const LONGEST_WAY: f64 = 86_400.0;
+const FARTHEST: f64 = 1e6;
 
 impl SessionState {
     pub(crate) fn decide_new_object(
@@ -41,12 +49,22 @@ impl SessionState {
         most: Option<usize>,
     ) -> Result<Decision, SessionError> {
         let mut check = Check::default();
-        let id: Arc<str> = Arc::from(spec.id.as_deref().unwrap_or_default());
+        check.path("", spec.path.as_deref(), spec.over);
+        let id = Arc::from(spec.id.as_deref().unwrap_or_default());
+        self.decide_body(id, spec.body(), check, most)
+    }
+
+    fn decide_body(
+        &self,
+        id: Arc<str>,
+        object: Body,
+        mut check: Check,
+        most: Option<usize>,
+    ) -> Result<Decision, SessionError> {
         let created = !self.colliders.contains_key(&id);
         if let Some(most) = most.filter(|most| created && self.colliders.len() >= *most) {
             check.reject("", format!("a session may have at most {most} colliders"));
         }
-        let object = spec.body();
         check.object("", &id, &object, &self.grid);
         check.finish()?;
         let command = Command::Objects { removed: Vec::new(), put: vec![(id.clone(), object)] };
@@ -60,8 +78,15 @@ impl SessionState {
         most: Option<usize>,
     ) -> Result<Decision, SessionError> {
         let old = self.known_collider(id)?;
-        let spec = ColliderSpec { id: Some(id.to_owned()), ..patch.clone().apply(&old.body) };
-        self.decide_object(&spec, most)
+        let mut check = Check::default();
+        check.path("", patch.path.as_deref(), patch.over);
+        if patch.sweep && patch.position.is_none() && patch.heading.is_none() {
+            check.reject("/sweep", "is there without a position or heading to sweep to");
+        }
+        if patch.sweep && patch.path.is_some() {
+            check.reject("/path", "is there beside a sweep; an object takes one way at a time");
+        }
+        self.decide_body(Arc::from(id), patch.clone().apply(&old.body), check, most)
     }
 
     pub(crate) fn decide_removal(&self, id: &str) -> Result<Decision, SessionError> {
@@ -157,6 +182,7 @@ impl<'a> Entries<'a> {
         } else if self.named.contains(id) {
             check.reject(format!("{at}/id"), format!("{} stands twice in the batch", quote(id)));
         }
+        check.path(&at, spec.path.as_deref(), spec.over);
         if spec.id.is_some() {
             check.object(&at, id, &object, self.grid);
         }
@@ -185,6 +211,7 @@ impl Check {
         self.id(format!("{at}/id"), id);
         self.range(format!("{at}/mass"), object.mass, f64::MIN_POSITIVE, 1e9, "kg");
         self.range(format!("{at}/heading"), object.heading, -36_000.0, 36_000.0, "°");
+        self.motion(at, &object.motion);
         match (&object.shape, &object.footprints[..]) {
             (Some(shape), []) => self.shape(&format!("{at}/shape"), shape),
             (None, parts) if (1..=MOST_FOOTPRINTS).contains(&parts.len()) => {
@@ -221,6 +248,42 @@ impl Check {
                     depth * grid.cell_size
                 ),
             );
+        }
+    }
+
+    /// Notes what is wrong with a path and its time, as they are told.
+    fn path(&mut self, at: &str, path: Option<&[[f64; 2]]>, over: Option<f64>) {
+        if path.is_some_and(<[_]>::is_empty) {
+            self.reject(format!("{at}/path"), "has no points; it has 1 to 4096");
+        }
+        if path.is_some() != over.is_some() {
+            let field = if path.is_some() { "over" } else { "path" };
+            self.reject(format!("{at}/{field}"), "is missing; 'path' and 'over' come together");
+        }
+        if let Some(over) = over {
+            self.range(format!("{at}/over"), over, 1e-3, LONGEST_WAY, "s");
+        }
+    }
+
+    /// Notes what is wrong with how an object moves.
+    fn motion(&mut self, at: &str, motion: &Motion) {
+        let Motion { velocity, turn_rate, path, speed, turn_to } = motion;
+        let fastest = velocity.x.hypot(velocity.z);
+        self.range(format!("{at}/velocity"), fastest, 0.0, FASTEST, "m/s");
+        self.range(format!("{at}/turn_rate"), *turn_rate, -FASTEST_TURN, FASTEST_TURN, "°/s");
+        if path.len() > MOST_PATH_POINTS {
+            let detail = format!("{} points; a path has at most {MOST_PATH_POINTS}", path.len());
+            self.reject(format!("{at}/path"), detail);
+        }
+        let far = |[x, z]: &[f64; 2]| !(x.abs() <= FARTHEST && z.abs() <= FARTHEST);
+        if let Some(i) = path.iter().position(far) {
+            self.reject(format!("{at}/path/{i}"), format!("is not within {FARTHEST} m of 0"));
+        } else if let Some(speed) = speed.filter(|speed| !(0.0..=FASTEST).contains(speed)) {
+            let detail = format!("makes it {speed:.1} m/s along the path; at most {FASTEST} m/s");
+            self.reject(format!("{at}/over"), detail);
+        }
+        if let Some(heading) = turn_to {
+            self.range(format!("{at}/heading"), *heading, -36_000.0, 36_000.0, "°");
         }
     }
 

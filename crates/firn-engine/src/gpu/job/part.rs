@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::frame::{Run, Work};
+use crate::frame::{Moves, Run, Work};
 
 /// Something that a frame does of a job.
 #[derive(Debug)]
@@ -41,6 +41,8 @@ pub struct When {
 pub struct Part {
     /// In this order.
     pub steps: Vec<Step>,
+    /// How objects move in a cycle that follows them, and the number of the first edit of that.
+    pub moves: Option<(Moves, u32)>,
     /// What is reported after them, as if that were all.
     pub work: Work,
     /// The cycles that the steps are of.
@@ -58,6 +60,8 @@ pub struct Flown {
     pub done: u32,
     /// Units of all of it.
     pub units: u64,
+    /// Objects move in it.
+    pub moves: bool,
     /// Something of the job is left after it.
     pub unfinished: bool,
 }

@@ -6,6 +6,7 @@ use firn_snow::{ColumnRect, TILE_COLUMNS};
 
 use crate::frame::{Edit, Run, contact_units};
 use crate::gpu::resident::Resident;
+use crate::gpu::survey::count_edits;
 
 use super::part::{Part, Step, When};
 use super::{Job, Stage};
@@ -33,6 +34,10 @@ impl Job {
                 false
             }
             Stage::Free | Stage::Loaded => self.compact(resident, most, part),
+            Stage::Move => {
+                self.move_objects(resident, part);
+                true
+            }
             Stage::Gather => {
                 self.gather(resident, most, part);
                 true
@@ -274,6 +279,10 @@ impl Job {
     fn begin_cycles(&mut self, resident: &Resident) {
         let most = self.work.limit.unwrap_or(u64::MAX);
         let left = self.work.run.cycles - self.done;
+        if !self.moves.is_empty() {
+            self.enter(Stage::Move);
+            return;
+        }
         if left == 0 {
             self.enter(match &self.work {
                 work if !work.gather.is_empty() => Stage::Gather,
@@ -287,6 +296,23 @@ impl Job {
         (self.at_once, self.cycle) = (fitting.min(left), 0);
         let evaluated = std::mem::take(&mut self.evaluated) || resident.bodies.is_empty();
         self.enter(if evaluated { Stage::Free } else { Stage::Touch });
+    }
+
+    /// Goes on with a cycle in which objects move, all of it.
+    fn move_objects(&mut self, resident: &Resident, part: &mut Part) {
+        let Some(moves) = self.moves.pop_front() else { return };
+        (self.at_once, self.cycle) = (1, 0);
+        self.tell_cycles(part);
+        let bodies = resident.bodies.values().map(|body| contact_units(body.placement.columns()));
+        let tiles = resident.loads.len() + moves.tiles(&resident.layout.grid).count();
+        let stepped = bodies.sum::<u64>() + cells_of(resident) * tiles as u64;
+        let whole = cells_of(resident) * resident.most_free() as u64;
+        part.units += stepped * u64::from(moves.count()) + whole;
+        let edit = self.next_edit;
+        self.next_edit += count_edits(std::iter::once(&moves));
+        part.moves = Some((moves, edit));
+        self.done += 1;
+        self.begin_cycles(resident);
     }
 
     /// Ends a cycle of the tiles under objects; where there are none, all that are taken at once. Returns

@@ -29,11 +29,11 @@ struct Edited {
 
 /// Tiles whose snow is changed, each with the rows of what changes it.
 #[derive(Default)]
-struct Changed {
+pub(super) struct Changed {
     /// By snow that falls or is cleared.
-    snowed: BTreeMap<u32, Vec<u32>>,
+    pub(super) snowed: BTreeMap<u32, Vec<u32>>,
     /// By stamps.
-    stamped: BTreeMap<u32, Vec<u32>>,
+    pub(super) stamped: BTreeMap<u32, Vec<u32>>,
 }
 
 impl Changed {
@@ -47,7 +47,7 @@ impl Changed {
 }
 
 /// All rows of tiles.
-const ALL_ROWS: Range<u32> = 0..u32::MAX;
+pub(super) const ALL_ROWS: Range<u32> = 0..u32::MAX;
 
 impl Planner<'_> {
     /// Plans the edits of one round of all snowpacks: snow falls, then contacts are evaluated, and
@@ -86,7 +86,7 @@ impl Planner<'_> {
         self.stresses(jobs);
     }
 
-    fn stresses(&mut self, jobs: Vec<(u32, LoadJob)>) {
+    pub(super) fn stresses(&mut self, jobs: Vec<(u32, LoadJob)>) {
         for (page, jobs) in by_page(jobs) {
             let (first, count) = (self.tables.orders.load_jobs.len(), jobs.len() as u32);
             self.tables.orders.load_jobs.extend(jobs);
@@ -150,8 +150,8 @@ impl Planner<'_> {
         }
     }
 
-    /// Carries out an edit that lets no snow fall and clears none, but for what is written of it. Adds the tiles whose stress may be another then, and returns whether objects have come, moved or
-    /// gone.
+    /// Carries out an edit that lets no snow fall and clears none, but for what is written of it. Adds the tiles whose stress may be
+    /// another then, and returns whether objects have come, moved or gone.
     pub(super) fn alter(
         &mut self,
         slot: Slot,
@@ -208,7 +208,7 @@ impl Planner<'_> {
 
     /// Adds a change of the snow on some rows of tiles, the result of which has a number, and lists it for their
     /// tiles.
-    fn operate(
+    pub(super) fn operate(
         &mut self,
         resident: &Resident,
         edit: &Edit,
@@ -271,7 +271,7 @@ impl Planner<'_> {
         }
     }
 
-    fn change_snow(&mut self, kernel: KernelId, jobs: Vec<(u32, EditJob)>) {
+    pub(super) fn change_snow(&mut self, kernel: KernelId, jobs: Vec<(u32, EditJob)>) {
         for (page, jobs) in by_page(jobs) {
             let (first, count) = (self.tables.orders.edit_jobs.len(), jobs.len() as u32);
             self.tables.orders.edit_jobs.extend(jobs);
@@ -281,7 +281,7 @@ impl Planner<'_> {
 
     /// Adds jobs for tiles with the operations that touch them. Tiles that the same operations touch
     /// share a list of them.
-    fn edit_jobs(
+    pub(super) fn edit_jobs(
         &mut self,
         resident: &Resident,
         snowed: BTreeMap<u32, Vec<u32>>,
@@ -320,11 +320,16 @@ impl Planner<'_> {
     /// Lists the objects on each tile anew, and tells the device which tiles they stand on.
     pub(super) fn mark_loaded(&mut self, slot: Slot, resident: &mut Resident) {
         for tile in resident.list_loads() {
-            let place = resident.lot.places[tile as usize];
-            let loaded = resident.loads.contains_key(&tile);
-            let row = Tile::new(slot, place, &resident.layout.grid, tile, loaded);
-            self.tables.tile_rows.push((resident.lot.tiles.start + tile, row));
+            self.mark_tile(slot, resident, tile);
         }
+    }
+
+    /// Tells the device whether a tile is under an object.
+    pub(super) fn mark_tile(&mut self, slot: Slot, resident: &Resident, tile: u32) {
+        let place = resident.lot.places[tile as usize];
+        let loaded = resident.loads.contains_key(&tile);
+        let row = Tile::new(slot, place, &resident.layout.grid, tile, loaded);
+        self.tables.tile_rows.push((resident.lot.tiles.start + tile, row));
     }
 
     /// Adds a snowpack's objects to the tables; `runs` says whether a cycle follows what they are for.
@@ -369,7 +374,7 @@ fn unweighed(resident: &mut Resident, count: u32) -> impl Iterator<Item = (u32, 
     .take(count as usize)
 }
 
-fn edit_pass() -> Pass {
+pub(super) fn edit_pass() -> Pass {
     Pass { flags: AFTER_EDITS, ..Pass::default() }
 }
 

@@ -59,8 +59,8 @@ impl Planner<'_> {
                 | flag(always_awake, ALWAYS_AWAKE)
                 | flag(part.is_some(), PARTED);
             let frame::Run { cycles, dt } = *part.unwrap_or(&work.run);
-            let (rate, step) = ((dt / REFERENCE_CELL_SIZE) as f32, work.pressing.step(dt));
-            (work.slot, Run { cycles, flags, rate, tally, step: step.unwrap_or(0) })
+            let (rate, press) = compaction_in(dt, work.pressing);
+            (work.slot, Run { cycles, flags, rate, tally, press })
         };
         self.tables.runs.set((0..).zip(work).map(run));
     }
@@ -250,6 +250,11 @@ pub(super) fn compaction_of(pressing: Pressing) -> KernelId {
         Pressing::Creep => KernelId::Compact,
         Pressing::Within(_) => KernelId::Press,
     }
+}
+
+/// What kernels are told of a cycle of so many seconds: its rate, and by how much loads press in it at the most.
+pub(super) fn compaction_in(dt: f64, pressing: Pressing) -> (f32, u32) {
+    ((dt / REFERENCE_CELL_SIZE) as f32, pressing.step(dt).unwrap_or(0))
 }
 
 /// Whether the tiles that may be awake are so few that the host lists them.
