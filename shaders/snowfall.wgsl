@@ -1,5 +1,5 @@
-// Lets snow fall on the columns of listed tiles and clears it: a workgroup for each tile, a thread
-// for each column. Tops up, opens cells and re-cuts where slots run out. The twin of
+// Lets snow fall on the columns of listed tiles, and lays and clears it: a workgroup for each tile, a thread
+// for each column. Objects keep some of it off the columns under them. Tops up, opens cells and re-cuts where slots run out. The twin of
 // Column::deposit and Column::clear in firn-snow/column.rs and of firn-snow/recut.rs.
 
 var<immediate> work: Pass;
@@ -18,6 +18,7 @@ var<immediate> work: Pass;
 @group(0) @binding(12) var<storage, read> operation_lists: array<u32>;
 
 const DEPOSIT: u32 = 0u;
+const CLEAR: u32 = 1u;
 // Largest difference in temperature at which fresh snow tops up the cell below [degrees C].
 const TOP_UP_TEMPERATURE: f32 = 0.25;
 
@@ -318,12 +319,30 @@ fn fall_of(index: u32) -> Fall {
     return Fall(snow.x, snow.y, snow.z, bitcast<f32>(snow.w));
 }
 
+// What an object keeps from a column.
+struct Cover {
+    sheltered: bool,
+    stood_on: bool,
+}
+
+fn cover_of(job: EditJob, thread: u32) -> Cover {
+    let high = thread >= 32u;
+    let sheltered = select(job.sheltered_low, job.sheltered_high, high);
+    let stood_on = select(job.stood_on_low, job.stood_on_high, high);
+    let bit = 1u << (thread % 32u);
+    return Cover((sheltered & bit) != 0u, (stood_on & bit) != 0u);
+}
+
 // Does an operation on a column where that is little: it is about other columns, or lays snow of
 // which the topmost cell takes all. Returns whether it was. Most are, and of what lets others be done
 // some devices go through all of it for every operation.
-fn do_lightly(column: ptr<function, Column>, position: vec2<u32>, index: u32) -> bool {
+fn do_lightly(column: ptr<function, Column>, position: vec2<u32>, cover: Cover, index: u32) -> bool {
     let columns = operations[index].columns;
     if any(position < columns.xy) || any(position >= columns.zw) {
+        return true;
+    }
+    let kind = operations[index].kind;
+    if (cover.sheltered && kind == DEPOSIT) || (cover.stood_on && kind == CLEAR) {
         return true;
     }
     let fall = fall_of(index);
@@ -343,10 +362,10 @@ fn do_lightly(column: ptr<function, Column>, position: vec2<u32>, index: u32) ->
 fn do_heavily(column: ptr<function, Column>, index: u32) {
     let fall = fall_of(index);
     var quanta = 0u;
-    if operations[index].kind == DEPOSIT {
-        quanta = deposit(column, fall);
-    } else {
+    if operations[index].kind == CLEAR {
         quanta = clear(column, fall.depth);
+    } else {
+        quanta = deposit(column, fall);
     }
     add_result(operations[index].result, quanta);
 }
@@ -367,6 +386,7 @@ fn snowfall(
     let position = column_position(session, job.tile, thread);
     let place = job.tile * TILE_COLUMNS + thread;
     let base = tile.row * TILE_COLUMNS + thread;
+    let cover = cover_of(job, thread);
     var column =
         Column(base, session.height, filled[place], heights[place], Cell(0u, 0u, 0.0));
     load_top(&column);
@@ -374,7 +394,7 @@ fn snowfall(
     let end = job.first_operation + job.operations;
     var next = job.first_operation;
     while next < end {
-        while next < end && do_lightly(&column, position, operation_lists[next]) {
+        while next < end && do_lightly(&column, position, cover, operation_lists[next]) {
             next++;
         }
         if next < end {

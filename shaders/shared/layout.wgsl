@@ -151,6 +151,11 @@ struct EditJob {
     tile: u32,
     first_operation: u32,
     operations: u32,
+    // Columns, bit by bit, on which no snow falls because of objects, and those on which objects stand.
+    sheltered_low: u32,
+    sheltered_high: u32,
+    stood_on_low: u32,
+    stood_on_high: u32,
     padding: u32,
 }
 

@@ -198,7 +198,8 @@ impl Snapshot {
     pub(crate) fn contents(&self) -> Contents {
         let grid = &self.description.spec.grid;
         let colliders = self.description.colliders.iter().filter_map(|saved| {
-            Some((Arc::from(saved.id.as_str()), saved.placement(grid)?, saved.contact))
+            let placement = saved.collider(grid)?.placement;
+            Some((Arc::from(saved.id.as_str()), placement, saved.contact))
         });
         Contents { tiles: self.tiles.clone(), colliders: colliders.collect() }
     }
@@ -269,6 +270,7 @@ impl Simulation {
             id: id.to_string(),
             body: collider.body.clone(),
             contact: collider.contact,
+            carried: collider.carried,
         });
         // A reset may have brought another material along.
         let stiffness_exponent = self.session.spec.material.stiffness_exponent;

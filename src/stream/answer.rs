@@ -163,6 +163,7 @@ mod tests {
             sink_depth: 0.25,
             contact_area: 0.5,
             pressure: 9.0,
+            burden: 0.0,
             resting: false,
         };
         let reply = ColliderReply { stamp: Stamp { tick: 7, seq: 9 }, collider };

@@ -76,6 +76,7 @@ mod tests {
             sink_depth: 0.0,
             contact_area: 0.0,
             pressure: 0.0,
+            burden: 0.0,
             resting: false,
         };
         assert!(!meets(&collider(1.3), &columns, &grid));

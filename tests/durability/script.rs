@@ -42,8 +42,21 @@ fn step(dice: &mut SmallRng) -> Step {
         5 => post("/clearings", json!({"depth": dice.random_range(1.0..2.5), "region": region})),
         6 => {
             let id = ["crate", "boot", "sledge"][dice.random_range(0..3)];
-            let body = json!({"mass": dice.random_range(5.0..90.0), "position": place(dice),
+            let mut body = json!({"mass": dice.random_range(5.0..90.0), "position": place(dice),
                 "shape": {"type": "disk", "radius": dice.random_range(0.1..0.5)}});
+            match dice.random_range(0..3) {
+                0 => {
+                    let along = |dice: &mut SmallRng| dice.random_range(-1.0..1.0);
+                    body["velocity"] = json!({"x": along(dice), "z": along(dice)});
+                    body["turn_rate"] = json!(dice.random_range(-90.0..90.0));
+                }
+                1 => {
+                    let point = |dice: &mut SmallRng| json!([dice.random_range(0.0..4.0), 1.0]);
+                    body["path"] = json!([point(dice), point(dice)]);
+                    body["over"] = json!(dice.random_range(0.5..3.0));
+                }
+                _ => {}
+            }
             (Method::PUT, format!("/colliders/{id}"), body)
         }
         7 => {

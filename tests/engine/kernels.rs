@@ -5,8 +5,8 @@ use std::sync::Arc;
 use firn_engine::frame::{Backend, ColumnRead, Contents, Edit, Outcome, Run, SampleBox, Work};
 use firn_engine::published::TileColumns;
 use firn_snow::{
-    CELL, Cell, Column, Elevation, Floor, Grid, HardnessLaw, LoadDistribution, Material, Position,
-    Shape,
+    Body, CELL, Cell, Column, Elevation, Floor, Grid, HardnessLaw, LoadDistribution, Material,
+    Position, Shape,
 };
 
 use crate::support::*;
@@ -270,11 +270,19 @@ fn snow_after_an_object_in_one_frame_does_not_count_as_sinking() {
     let Some(mut gpu) = gpu(false) else { return };
     let mut cpu = cpu();
     let grid = Grid { width: 16, depth: 16, height: 30, cell_size: 0.2 };
+    // Snow falls through it.
+    let fence = Body {
+        mass: 10.0,
+        shape: Some(Shape::Box { width: 1.0, depth: 1.0 }),
+        position: Position { x: 1.5, z: 1.5 },
+        shelters: false,
+        ..Body::default()
+    };
     for backend in [&mut gpu as &mut dyn Backend, &mut cpu] {
         backend.create(0, &level(grid, Material::default())).unwrap();
         let edits = vec![
             snow(&grid, grid.all(), 1.0, 20.0, -3.0),
-            put(&grid, "a", 10.0, Shape::Box { width: 1.0, depth: 1.0 }, 1.5, 1.5),
+            put_object(&grid, "a", &fence),
             snow(&grid, grid.all(), 0.5, 20.0, -3.0),
         ];
         let outcome = edit(backend, 0, edits);

@@ -22,7 +22,8 @@ fn drive(
             let dt = run.dt / f64::from(steps);
             let step = objects.iter_mut().zip(0..).filter_map(|(object, i)| {
                 let footprints = object.step(grid, dt, left)?;
-                let collider = Arc::new(Placement { mass: object.load(), footprints });
+                let collider =
+                    Arc::new(Placement { mass: object.load(), cover: object.cover(), footprints });
                 let id = Arc::from(format!("{i:03}"));
                 Some(Edit::PutCollider { id, collider, placed: true })
             });

@@ -152,7 +152,19 @@ fn host_and_shaders_agree_on_every_struct() {
         }
     );
     compare_layout!(module, LoadJob { tile, first_load, loads, padding });
-    compare_layout!(module, EditJob { tile, first_operation, operations, padding });
+    compare_layout!(
+        module,
+        EditJob {
+            tile,
+            first_operation,
+            operations,
+            sheltered_low,
+            sheltered_high,
+            stood_on_low,
+            stood_on_high,
+            padding
+        }
+    );
     compare_layout!(module, Operation { columns, snow, kind, result, padding });
     compare_layout!(
         module,

@@ -134,14 +134,18 @@ fn any_moves(dice: &mut Dice, standing: &mut Standing, run: Run) -> Vec<Moves> {
                 // As snow that it lays down on the columns under it.
                 if let (Some((x, z)), true) = (footprints[0].iter().next(), dice.unit() < 0.2) {
                     let columns = ColumnRect { x0: x, z0: z, x1: x + 1, z1: z + 1 };
-                    edits.push(snow(&GRID, columns, 0.01, 30.0, -4.0));
+                    let Edit::Deposit(laid) = snow(&GRID, columns, 0.01, 30.0, -4.0) else {
+                        unreachable!()
+                    };
+                    edits.push(Edit::Lay(laid));
                 }
-                let placement = Arc::new(Placement { mass: body.load(), footprints });
+                let placement =
+                    Arc::new(Placement { mass: body.load(), cover: body.cover(), footprints });
                 standing.insert(id, (body.clone(), placement.clone()));
                 let collider = placement;
                 edits.push(Edit::PutCollider { id: Arc::from(*id), collider, placed: true });
             }
-            edits.sort_by_key(|edit| !matches!(edit, Edit::Deposit(_)));
+            edits.sort_by_key(|edit| !matches!(edit, Edit::Lay(_)));
             steps.push(edits);
         }
         Moves { steps }

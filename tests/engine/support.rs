@@ -83,7 +83,7 @@ pub fn put(grid: &Grid, id: &str, mass: f64, shape: Shape, x: f64, z: f64) -> Ed
 /// An object put on the snow.
 pub fn put_object(grid: &Grid, id: &str, object: &Body) -> Edit {
     let footprints = object.on(grid).expect("it stands in the grid");
-    let collider = Arc::new(Placement { mass: object.load(), footprints });
+    let collider = Arc::new(Placement { mass: object.load(), cover: object.cover(), footprints });
     Edit::PutCollider { id: Arc::from(id), collider, placed: true }
 }
 

@@ -2,6 +2,7 @@
 
 mod auth;
 mod bodies;
+mod burden;
 mod cells;
 mod checkpoints;
 mod colliders;
@@ -12,6 +13,7 @@ mod golden;
 mod heights;
 mod isolation;
 mod metrics;
+mod moving;
 mod origin;
 mod portions;
 mod presets;

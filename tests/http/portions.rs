@@ -8,7 +8,7 @@ use std::time::Duration;
 use firn::backend;
 use firn::config::{BackendChoice, EngineConfig};
 use firn_engine::frame::{Deposit, Edit, Frame, Layout, Placement, Run, Work};
-use firn_snow::{Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Turn};
+use firn_snow::{Cover, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Turn};
 use serde_json::{Value, json};
 use tokio::task::JoinHandle;
 
@@ -97,7 +97,8 @@ async fn a_long_tick_is_the_same_as_in_one_piece(backend: BackendChoice) {
     };
     let shape = Shape::Box { width: 1.0, depth: 1.0 };
     let footprint = Footprint::new(&grid, &shape, Position { x: 1.0, z: 1.0 }, Turn::NONE);
-    let collider = Arc::new(Placement { mass: 300.0, footprints: vec![footprint] });
+    let collider =
+        Arc::new(Placement { mass: 300.0, cover: Cover::default(), footprints: vec![footprint] });
     let put = Edit::PutCollider { id: "sledge".into(), collider, placed: true };
     let run = Run { cycles: CYCLES, dt: 0.25 };
     let edits = vec![Edit::Deposit(snow), put];

@@ -1,8 +1,8 @@
 //! What the equilibrium of a column foretells is where a real object comes to rest.
 
 use firn_snow::{
-    CELL, Column, Footprint, GRAVITY, Grid, HardnessLaw, LoadDistribution, MASS_QUANTA, Material,
-    Position, Pressing, Shape, Snowpack, SurfaceLoad, Turn,
+    CELL, Column, Cover, Footprint, GRAVITY, Grid, HardnessLaw, LoadDistribution, MASS_QUANTA,
+    Material, Position, Pressing, Shape, Snowpack, SurfaceLoad, Turn,
 };
 use proptest::prelude::*;
 
@@ -101,7 +101,7 @@ proptest! {
         let presses = seconds.is_some();
         let foretold = before.equilibrium(&grid, &material, load, presses, dt as f32);
 
-        snowpack.put_collider("plate".into(), mass, vec![footprint], true);
+        snowpack.put_collider("plate".into(), mass, Cover::default(), vec![footprint], true);
         snowpack.evaluate();
         settle(&mut snowpack, dt);
         let after = snowpack.column(x, z);
@@ -185,6 +185,7 @@ fn snow_too_stiff_to_move_a_quantum_rests_above_its_hardness() {
     snowpack.put_collider(
         "plate".into(),
         20_000.0 * 0.16 / GRAVITY,
+        Cover::default(),
         vec![Footprint::new(
             &grid,
             &Shape::Box { width: 0.4, depth: 0.4 },

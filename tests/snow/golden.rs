@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use firn::session::Clock;
 use firn_snow::{
-    Column, Contact, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Snowpack,
+    Column, Contact, Cover, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Snowpack,
     SurfaceLoad, Turn,
 };
 use serde::Deserialize;
@@ -133,7 +133,7 @@ impl Trial {
     fn put(&mut self, id: &str, position: Position) {
         let (mass, shape) = &self.colliders[id];
         let footprint = Footprint::new(&self.spec.grid, shape, position, Turn::NONE);
-        self.snowpack.put_collider(Arc::from(id), *mass, vec![footprint], true);
+        self.snowpack.put_collider(Arc::from(id), *mass, Cover::default(), vec![footprint], true);
     }
 
     fn apply(&mut self, op: &Op) {

@@ -1,7 +1,7 @@
 //! The mass ledger holds to the quantum, whatever happens and however often.
 
 use firn_snow::{
-    ColumnRect, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Snowpack, Turn,
+    ColumnRect, Cover, Footprint, Grid, MASS_QUANTA, Material, Position, Shape, Snowpack, Turn,
 };
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
@@ -44,6 +44,7 @@ fn fallen_less_refused_less_cleared_is_present_after_a_million_operations() {
                 snowpack.put_collider(
                     "a".into(),
                     dice.random_range(0.1..50.0),
+                    Cover::default(),
                     vec![footprint],
                     true,
                 );

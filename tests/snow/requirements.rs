@@ -2,8 +2,8 @@
 //! that without snowfall heights never rise and densities never fall.
 
 use firn_snow::{
-    CELL, Cell, Column, Footprint, GRAVITY, Grid, HardnessLaw, LoadDistribution, MASS_QUANTA,
-    Material, Position, Shape, Snowpack, SurfaceLoad, Turn,
+    CELL, Cell, Column, Cover, Footprint, GRAVITY, Grid, HardnessLaw, LoadDistribution,
+    MASS_QUANTA, Material, Position, Shape, Snowpack, SurfaceLoad, Turn,
 };
 use proptest::prelude::*;
 
@@ -217,7 +217,7 @@ fn patch(material: Material, layers: &Layers) -> Snowpack {
 /// Height of the column under a plate that has stood on snow for a time.
 fn under(material: Material, layers: &Layers, mass: f64, side: f64, cycles: u32) -> u32 {
     let mut snowpack = patch(material, layers);
-    snowpack.put_collider("plate".into(), mass, plate(side), true);
+    snowpack.put_collider("plate".into(), mass, Cover::default(), plate(side), true);
     snowpack.run(cycles, f64::from(DT));
     snowpack.column(2, 2).height()
 }
@@ -245,7 +245,7 @@ fn take(snowpack: &mut Snowpack, material: Material, step: &Step) {
     match *step {
         Step::Put { id, pressure, side } => {
             let mass = pressure * side * side / GRAVITY;
-            snowpack.put_collider(id.to_string().into(), mass, plate(side), true);
+            snowpack.put_collider(id.to_string().into(), mass, Cover::default(), plate(side), true);
         }
         Step::Remove(id) => snowpack.remove_collider(&id.to_string()),
         Step::Stiffness(stiffness_exponent) => {

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use firn_snow::{
-    CELL, Cell, ColumnRect, Contact, Elevation, Footprint, GRAVITY, Grid, Material, Position,
-    Pressing, Shape, Snowpack, Turn, share,
+    CELL, Cell, ColumnRect, Contact, Cover, Elevation, Footprint, GRAVITY, Grid, Material,
+    Position, Pressing, Shape, Snowpack, Turn, share,
 };
 use proptest::prelude::*;
 
@@ -56,7 +56,13 @@ fn snow(snowpack: &mut Snowpack, rect: ColumnRect, depth: f64, temperature: f32)
 fn laden(always_awake: bool) -> Snowpack {
     let mut snowpack = Snowpack::new(grid(), Material::default(), &ground(), always_awake).unwrap();
     snow(&mut snowpack, grid().all(), 6.0, -3.0);
-    snowpack.put_collider("sinks".into(), 200.0, vec![footprint((true, 1.0, 1.0, 0.5, 0.5))], true);
+    snowpack.put_collider(
+        "sinks".into(),
+        200.0,
+        Cover::default(),
+        vec![footprint((true, 1.0, 1.0, 0.5, 0.5))],
+        true,
+    );
     snowpack
 }
 
@@ -96,7 +102,13 @@ fn take(snowpack: &mut Snowpack, step: &Step) -> (u64, u32, Vec<(Arc<str>, Conta
         Step::Snow((rect, depth, temperature)) => quanta = snow(snowpack, rect, depth, temperature),
         Step::Clear(rect, depth) => quanta = snowpack.clear(rect, depth),
         Step::Put { id, mass, place, placed } => {
-            snowpack.put_collider(id.to_string().into(), mass, vec![footprint(place)], placed);
+            snowpack.put_collider(
+                id.to_string().into(),
+                mass,
+                Cover::default(),
+                vec![footprint(place)],
+                placed,
+            );
         }
         Step::Remove(id) => snowpack.remove_collider(&id.to_string()),
         Step::Stiffness(stiffness_exponent) => {
@@ -135,7 +147,7 @@ proptest! {
             snow(&mut snowpack, rect, depth, temperature);
         }
         let footprint = footprint(place);
-        snowpack.put_collider("a".into(), mass, vec![footprint.clone()], true);
+        snowpack.put_collider("a".into(), mass, Cover::default(), vec![footprint.clone()], true);
         snowpack.evaluate();
         let contact = *snowpack.contacts().next().expect("it is there").1;
         let carried: f64 = footprint
@@ -194,7 +206,7 @@ fn a_snowpack_falls_asleep_and_wakes_where_it_is_touched() {
     snow(&mut snowpack, grid().all(), 8.0, -3.0);
     assert_eq!(snowpack.active_tiles(), 6);
     let place = |x| vec![footprint((false, 0.6, 0.6, x, 0.0))];
-    snowpack.put_collider("a".into(), 50.0, place(0.0), true);
+    snowpack.put_collider("a".into(), 50.0, Cover::default(), place(0.0), true);
     assert!(snowpack.run(100, 0.25) == 100, "the plate sinks");
     assert_eq!(snowpack.active_tiles(), 1);
     let last = (0..200).map(|_| snowpack.run(1000, 0.25)).find(|&last| last < 1000);
@@ -203,7 +215,7 @@ fn a_snowpack_falls_asleep_and_wakes_where_it_is_touched() {
     assert_eq!(snowpack.run(1000, 0.25), 0);
     assert!(snowpack.contacts().all(|(_, contact)| contact.resting));
 
-    snowpack.put_collider("a".into(), 50.0, place(1.0), true);
+    snowpack.put_collider("a".into(), 50.0, Cover::default(), place(1.0), true);
     snowpack.evaluate();
     assert_eq!(snowpack.active_tiles(), 2, "the tile that it left and the one it came to");
     snowpack.remove_collider("a");

@@ -47,7 +47,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let position = Position { x: 3.2, z: 0.8 };
     let post = Body { mass: 200.0, shape: Some(shape), position, ..Body::default() };
     let footprints = post.on(&grid).ok_or("the post is off the grid")?;
-    let post = Arc::new(Placement { mass: post.load(), footprints });
+    let (mass, cover) = (post.load(), post.cover());
+    let post = Arc::new(Placement { mass, cover, footprints });
     let mut edits =
         vec![snowfall, Edit::PutCollider { id: Arc::from("post"), collider: post, placed: true }];
     for second in 1..=5 {

@@ -10,7 +10,7 @@ use crate::session::Stamp;
 ///
 /// It has either a `shape` or `footprints`. One of its columns must be in the grid; the part beyond the edge is
 /// fully supported.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ColliderSpec {
@@ -36,6 +36,10 @@ pub struct ColliderSpec {
     /// Whether it is held up and does not press the snow.
     #[serde(default)]
     pub airborne: bool,
+    /// Whether snow that falls on its columns lies on it, as its burden, rather than falls through it.
+    #[serde(default = "yes")]
+    #[cfg_attr(feature = "schema", schema(default = true))]
+    pub shelters: bool,
     /// Velocity along x and z \[m/s\], 100 m/s at the most. The world moves the object until it is told otherwise or
     /// is at the edge of the grid.
     #[serde(default)]
@@ -53,6 +57,29 @@ pub struct ColliderSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 86_400))]
     pub over: Option<f64>,
+}
+
+fn yes() -> bool {
+    true
+}
+
+impl Default for ColliderSpec {
+    fn default() -> ColliderSpec {
+        ColliderSpec {
+            id: None,
+            mass: 0.0,
+            shape: None,
+            footprints: None,
+            position: Position::default(),
+            heading: 0.0,
+            airborne: false,
+            shelters: true,
+            velocity: Position::default(),
+            turn_rate: 0.0,
+            path: None,
+            over: None,
+        }
+    }
 }
 
 /// A path along some points from a position on, taken in so many seconds.
@@ -75,6 +102,7 @@ impl ColliderSpec {
             position: self.position,
             heading: self.heading,
             airborne: self.airborne,
+            shelters: self.shelters,
         }
     }
 }
@@ -99,6 +127,8 @@ pub struct ColliderPatch {
     pub heading: Option<f64>,
     /// Whether it is held up.
     pub airborne: Option<bool>,
+    /// Whether snow that falls on its columns lies on it.
+    pub shelters: Option<bool>,
     /// Velocity along x and z \[m/s\], 100 m/s at the most. It ends a path under way.
     pub velocity: Option<Position>,
     /// How fast it turns \[°/s\], clockwise from above.
@@ -125,6 +155,7 @@ impl ColliderPatch {
         }
         body.mass = self.mass.unwrap_or(old.mass);
         body.airborne = self.airborne.unwrap_or(old.airborne);
+        body.shelters = self.shelters.unwrap_or(old.shelters);
         let motion = &mut body.motion;
         motion.turn_rate = self.turn_rate.unwrap_or(motion.turn_rate);
         if let Some(velocity) = self.velocity {
@@ -251,6 +282,9 @@ pub struct ColliderView {
     pub contact_area: f64,
     /// Pressure on the area in contact \[Pa\].
     pub pressure: f64,
+    /// Mass of the snow that lies on it \[kg\].
+    #[serde(default)]
+    pub burden: f64,
     /// Whether its bottom and contact stayed as they were over the last cycle.
     pub resting: bool,
 }

@@ -87,6 +87,9 @@ pub struct MassView {
     pub refused: f64,
     /// Mass that was cleared \[kg\].
     pub cleared: f64,
-    /// fallen − refused − cleared − present, in quanta of 2⁻¹⁸ kg/m² in one column: always 0.
+    /// Mass that lies on objects \[kg\].
+    #[serde(default)]
+    pub carried: f64,
+    /// fallen − refused − cleared − present − carried, in quanta of 2⁻¹⁸ kg/m² in one column: always 0.
     pub imbalance_quanta: i64,
 }

@@ -171,8 +171,13 @@ fn put(object: u8, mass: u32) -> ColliderSpec {
         footprints,
         position: Position { x: 0.2 * number, z: 0.8 },
         heading: 30.0 * number,
-        // Now and then it is held up.
+        // Now and then it is held up, lets snow fall through, or moves.
         airborne: mass.is_multiple_of(7),
+        shelters: !mass.is_multiple_of(5),
+        velocity: Position { x: 0.3 * f64::from(mass % 3), z: 0.0 },
+        turn_rate: if mass.is_multiple_of(4) { 20.0 } else { 0.0 },
+        path: mass.is_multiple_of(6).then(|| vec![[0.6, 0.2], [0.2, 1.0]]),
+        over: mass.is_multiple_of(6).then_some(5.0),
     }
 }
 

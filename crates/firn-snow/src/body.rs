@@ -37,7 +37,7 @@ pub struct Part {
 }
 
 /// A rigid, level object that stands on the snow.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Body {
@@ -60,9 +60,41 @@ pub struct Body {
     /// Whether it is held up and does not press the snow.
     #[cfg_attr(feature = "serde", serde(default))]
     pub airborne: bool,
+    /// Whether snow that falls on its columns lies on it, not under it.
+    #[cfg_attr(feature = "serde", serde(default = "yes"))]
+    pub shelters: bool,
     /// How it moves by itself.
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub motion: Motion,
+}
+
+/// What an object keeps from the columns under it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cover {
+    /// Snow that falls there lies on the object.
+    pub snow: bool,
+    /// Clearings leave the snow on which it stands.
+    pub clearings: bool,
+}
+
+#[cfg(feature = "serde")]
+fn yes() -> bool {
+    true
+}
+
+impl Default for Body {
+    fn default() -> Body {
+        Body {
+            mass: 0.0,
+            shape: None,
+            footprints: Vec::new(),
+            position: Position::default(),
+            heading: 0.0,
+            airborne: false,
+            shelters: true,
+            motion: Motion::default(),
+        }
+    }
 }
 
 impl Part {
@@ -117,9 +149,14 @@ impl Body {
 
     /// Whether it stands where another does, and on the same outlines, whatever it weighs and however it moves.
     pub fn stands_as(&self, other: &Body) -> bool {
-        let Body { shape, footprints, position, heading, airborne, mass: _, motion: _ } = other;
+        let Body { shape, footprints, position, heading, airborne, .. } = other;
         (&self.shape, &self.footprints, self.position, self.heading, self.airborne)
             == (shape, footprints, *position, *heading, *airborne)
+    }
+
+    /// What it keeps from the columns under it.
+    pub fn cover(&self) -> Cover {
+        Cover { snow: self.shelters, clearings: !self.airborne }
     }
 
     /// What it weighs on the snow \[kg\]: nothing while it is held up.

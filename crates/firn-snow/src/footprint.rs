@@ -1,5 +1,7 @@
 //! The columns under an outline.
 
+use std::collections::BTreeMap;
+
 use super::body::Position;
 use super::grid::{CELL, Grid};
 use super::shape::{EDGE_SLACK, Shape, Turn};
@@ -114,10 +116,17 @@ impl Footprint {
 
     /// Tiles the footprint touches, ascending and without repetition.
     pub fn tiles(&self, grid: &Grid) -> Vec<u32> {
-        let mut tiles: Vec<u32> = self.iter().map(|(x, z)| grid.locate(x, z).0).collect();
-        tiles.sort_unstable();
-        tiles.dedup();
-        tiles
+        self.columns_of_tiles(grid).into_iter().map(|(tile, _)| tile).collect()
+    }
+
+    /// The same tiles, each with the columns of it that are under the outline, bit by bit.
+    pub fn columns_of_tiles(&self, grid: &Grid) -> Vec<(u32, u64)> {
+        let mut tiles = BTreeMap::new();
+        for (x, z) in self.iter() {
+            let (tile, column) = grid.locate(x, z);
+            *tiles.entry(tile).or_insert(0) |= 1 << column;
+        }
+        tiles.into_iter().collect()
     }
 }
 

@@ -29,7 +29,9 @@
 //! a JSON schema too.
 
 mod body;
+mod burden;
 mod column;
+mod column_set;
 mod contact;
 mod coverage;
 mod elevation;
@@ -45,8 +47,10 @@ mod sample;
 mod shape;
 mod snowpack;
 
-pub use body::{Body, MOST_FOOTPRINTS, Part, Position};
+pub use body::{Body, Cover, MOST_FOOTPRINTS, Part, Position};
+pub use burden::Burden;
 pub use column::{Cell, Column, SurfaceLoad};
+pub use column_set::ColumnSet;
 pub use contact::{CONTACT_DEPTH, Contact, Footing, share, share_units};
 pub use coverage::Coverage;
 pub use elevation::Elevation;

@@ -1,19 +1,15 @@
 //! Columns along a path, as a plough takes them.
 
-use std::collections::BTreeMap;
-
 use super::body::Position;
+use super::column_set::ColumnSet;
 use super::footprint::Footprint;
 use super::grid::{ColumnRect, Grid};
 use super::shape::{Shape, Turn};
 
-/// Columns `[x0, x1)` of a row.
-type Span = (u32, u32);
-
 /// The columns whose centres lie within half a width \[m\] of a path through some points \[x, z\], as rectangles that
 /// do not overlap. Each leg has one column at least, where it is in the grid.
 pub fn columns_along(grid: &Grid, path: &[[f64; 2]], width: f64) -> Vec<ColumnRect> {
-    let mut rows: BTreeMap<u32, Vec<Span>> = BTreeMap::new();
+    let mut columns = ColumnSet::default();
     for leg in path.windows(2) {
         let [[from_x, from_z], [to_x, to_z]] = [leg[0], leg[1]];
         let (x, z) = (to_x - from_x, to_z - from_z);
@@ -21,24 +17,10 @@ pub fn columns_along(grid: &Grid, path: &[[f64; 2]], width: f64) -> Vec<ColumnRe
         let middle = Position { x: (from_x + to_x) / 2.0, z: (from_z + to_z) / 2.0 };
         let footprint = Footprint::new(grid, &shape, middle, Turn::new(x.atan2(z).to_degrees()));
         for (z, &span) in (footprint.z0..).zip(&footprint.spans) {
-            rows.entry(z).or_default().push(span);
+            columns.add(z, span);
         }
     }
-    let mut done: Vec<ColumnRect> = Vec::new();
-    // Rectangles that may go on in the next row, by their columns.
-    let mut open: BTreeMap<Span, ColumnRect> = BTreeMap::new();
-    for (z, spans) in rows {
-        let mut next = BTreeMap::new();
-        for (x0, x1) in joined(spans) {
-            let above = open.remove(&(x0, x1)).filter(|rect| rect.z1 == z);
-            let z0 = above.map_or(z, |rect| rect.z0);
-            next.insert((x0, x1), ColumnRect { x0, z0, x1, z1: z + 1 });
-        }
-        done.extend(open.into_values());
-        open = next;
-    }
-    done.extend(open.into_values());
-    done
+    columns.rects()
 }
 
 /// Rows of columns that a path is looked for in, leg by leg, at the most.
@@ -48,20 +30,6 @@ pub fn rows_along(grid: &Grid, path: &[[f64; 2]], width: f64) -> u64 {
         (rows as u64).min(u64::from(grid.depth))
     };
     path.windows(2).map(rows).sum()
-}
-
-/// Spans of a row in order, those that touch in one.
-fn joined(mut spans: Vec<Span>) -> Vec<Span> {
-    spans.retain(|(x0, x1)| x0 < x1);
-    spans.sort_unstable();
-    let mut joined: Vec<Span> = Vec::with_capacity(spans.len());
-    for (x0, x1) in spans {
-        match joined.last_mut() {
-            Some(last) if x0 <= last.1 => last.1 = last.1.max(x1),
-            _ => joined.push((x0, x1)),
-        }
-    }
-    joined
 }
 
 #[cfg(test)]

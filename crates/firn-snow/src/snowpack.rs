@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::body::Cover;
 use super::column::{Column, SurfaceLoad};
 use super::contact::Contact;
 use super::coverage::Coverage;
@@ -82,16 +83,27 @@ impl Snowpack {
         u64::from(grid.tiles()) * Tile::BYTES
     }
 
-    /// Lays snow of a depth and an areal mass, both in quanta, on every column of a rectangle;
-    /// returns the mass quanta refused.
+    /// Lets snow of a depth and an areal mass, both in quanta, fall on every column of a rectangle that no object
+    /// shelters; returns the mass quanta refused.
     pub fn deposit(&mut self, rect: ColumnRect, depth: u32, mass: u32, temperature: f32) -> u64 {
         let slots = self.grid.height;
-        self.edit(rect, |column| column.deposit(slots, mass, depth, temperature))
+        let fall =
+            |column: &mut Column, _: (u32, u32)| column.deposit(slots, mass, depth, temperature);
+        self.edited(rect, |tile| tile.sheltered, fall).sum
     }
 
-    /// Removes what is above a depth in quanta; returns the mass quanta removed.
+    /// Lays snow on every column of a rectangle, under objects too; returns the mass quanta refused.
+    pub fn lay(&mut self, rect: ColumnRect, depth: u32, mass: u32, temperature: f32) -> u64 {
+        let slots = self.grid.height;
+        let lay =
+            |column: &mut Column, _: (u32, u32)| column.deposit(slots, mass, depth, temperature);
+        self.edited(rect, |_| 0, lay).sum
+    }
+
+    /// Removes what is above a depth in quanta where no object stands; returns the mass quanta removed.
     pub fn clear(&mut self, rect: ColumnRect, depth: u32) -> u64 {
-        self.edit(rect, |column| column.clear(depth))
+        let clear = |column: &mut Column, _: (u32, u32)| column.clear(depth);
+        self.edited(rect, |tile| tile.stood_on, clear).sum
     }
 
     /// Presses some of the columns that an outline covers at once, each by its share of the way to where it
@@ -101,7 +113,7 @@ impl Snowpack {
         let press = |column: &mut Column, (x, z): (u32, u32)| {
             column.stamp(&grid, &material, load, coverage.share(x, z))
         };
-        self.edited(rect, press).largest
+        self.edited(rect, |_| 0, press).largest
     }
 
     /// Puts other ground under the snow of a tile, out of all columns' as in [`Snowpack::new`].
@@ -111,21 +123,21 @@ impl Snowpack {
         }
     }
 
-    fn edit(&mut self, rect: ColumnRect, change: impl Fn(&mut Column) -> u32 + Sync) -> u64 {
-        self.edited(rect, |column, _| change(column)).sum
-    }
-
-    /// Changes columns, each with its place.
+    /// Changes columns, each with its place, but for those that are `spared` of a tile.
     fn edited(
         &mut self,
         rect: ColumnRect,
+        spared: impl Fn(&Tile) -> u64 + Sync,
         change: impl Fn(&mut Column, (u32, u32)) -> u32 + Sync,
     ) -> Edited {
+        self.list_loads();
         let tiles = rect.tiles();
         let rows = self.tiles.par_chunks_mut(self.grid.tiles_x() as usize);
         let rows = rows.skip(tiles.z0 as usize).take((tiles.z1 - tiles.z0) as usize);
         let touched = rows.flat_map(|row| &mut row[tiles.x0 as usize..tiles.x1 as usize]);
-        touched.map(|tile| tile.edit(rect, &change)).reduce(Edited::default, Edited::join)
+        touched
+            .map(|tile| tile.edit(rect, spared(tile), &change))
+            .reduce(Edited::default, Edited::join)
     }
 
     /// Puts an object on the snow, or replaces the one of that id. Where it is `placed`, the
@@ -134,6 +146,7 @@ impl Snowpack {
         &mut self,
         id: Arc<str>,
         mass: f64,
+        cover: Cover,
         footprints: Vec<Footprint>,
         placed: bool,
     ) {
@@ -144,6 +157,7 @@ impl Snowpack {
         let old = self.take_collider(&id).filter(|_| !placed);
         let collider = Collider {
             mass,
+            cover,
             stands,
             tiles,
             placed: old.as_ref().is_none_or(|old| old.placed),
@@ -164,11 +178,11 @@ impl Snowpack {
     /// Replaces all objects by others and their contacts, as they were.
     pub fn restore_colliders(
         &mut self,
-        colliders: impl Iterator<Item = (Arc<str>, f64, Vec<Footprint>, Contact)>,
+        colliders: impl Iterator<Item = (Arc<str>, f64, Cover, Vec<Footprint>, Contact)>,
     ) {
         self.colliders.clear();
-        for (id, mass, footprints, contact) in colliders {
-            self.put_collider(id.clone(), mass, footprints, false);
+        for (id, mass, cover, footprints, contact) in colliders {
+            self.put_collider(id.clone(), mass, cover, footprints, false);
             if let Some(collider) = self.colliders.get_mut(&id) {
                 collider.contact = contact;
                 (collider.placed, collider.changed) = (false, false);
@@ -199,6 +213,7 @@ impl Snowpack {
         for &tile in &self.loaded {
             self.tiles[tile].loads.clear();
             self.tiles[tile].under_objects = false;
+            (self.tiles[tile].sheltered, self.tiles[tile].stood_on) = (0, 0);
         }
         self.loaded.clear();
         self.loaded.extend(&self.swept);
@@ -206,6 +221,13 @@ impl Snowpack {
             for &tile in &collider.tiles {
                 self.loaded.push(tile);
                 self.tiles[tile].loads.push(index);
+            }
+        }
+        for collider in self.colliders.values() {
+            let Cover { snow, clearings } = collider.cover;
+            for &(tile, column, _) in collider.stands.iter().flat_map(|stand| &stand.columns) {
+                self.tiles[tile].sheltered |= u64::from(snow) << column;
+                self.tiles[tile].stood_on |= u64::from(clearings) << column;
             }
         }
         self.loaded.sort_unstable();

@@ -121,6 +121,6 @@ impl Simulation {
 }
 
 fn begins_a_round(before: &Edit, edit: &Edit) -> bool {
-    let falls = |edit: &Edit| matches!(edit, Edit::Deposit(_) | Edit::Clear { .. });
+    let falls = |edit: &Edit| matches!(edit, Edit::Deposit(_) | Edit::Lay(_) | Edit::Clear { .. });
     falls(edit) && !falls(before)
 }

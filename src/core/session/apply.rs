@@ -1,7 +1,7 @@
 //! Commands, carried out: live ones, and those of the journal.
 
-use firn_engine::frame::{Deposit, Edit, Placement, Stamp};
-use firn_snow::{Body, ColumnRect, Material, columns_along};
+use firn_engine::frame::{Deposit, Edit, Stamp};
+use firn_snow::{Body, ColumnRect, ColumnSet, Material, columns_along};
 use std::sync::Arc;
 
 use crate::core::session::{Collider, Command, Counted, Kept, Orders, SessionState};
@@ -31,6 +31,7 @@ impl SessionState {
                     mass: kept.mass,
                     temperature: *celsius,
                 }));
+                self.shelter(columns, &kept, *celsius, orders);
                 Disturbed { tiles: Some(columns.tiles().columns()), all: false }
             }
             Command::Clear { columns, depth } => clear(&[*columns], *depth, orders),
@@ -93,28 +94,40 @@ impl SessionState {
 
     /// Puts an object. Returns on how many tiles it stands.
     fn put(&mut self, id: &Arc<str>, object: &Body, orders: &mut Orders) -> u64 {
+        let before = self.colliders.remove(id);
+        let carried = before.as_ref().map(|old| old.carried).unwrap_or_default();
         // It was in the grid when this was decided.
-        let Some(footprints) = object.on(&self.grid) else { return 0 };
+        let Some(mut collider) = Collider::new(object.clone(), carried, &self.grid) else {
+            return 0;
+        };
         // What leaves an object where it is doesn't move it: the depth it has sunk goes on counting.
-        let moved = |old: &Collider| !old.body.stands_as(object);
-        let placed = self.colliders.get(id).is_none_or(moved);
-        let collider = Arc::new(Placement { mass: object.load(), footprints });
-        orders.edits.push(Edit::PutCollider { id: id.clone(), collider, placed });
+        let placed = before.as_ref().is_none_or(|old| !old.body.stands_as(object));
+        if let Some(mut old) = before.filter(|_| placed) {
+            let after = ColumnSet::under(&collider.placement.footprints);
+            self.lay_down(id, &mut old, &after, orders);
+            collider.carry(old.carried, &self.grid);
+        }
         if object.motion.is_still() {
             self.movers.remove(id);
         } else {
             self.movers.insert(id.clone());
         }
-        let collider = Collider::new(object.clone(), &self.grid);
+        let placement = collider.placement.clone();
+        orders.edits.push(Edit::PutCollider { id: id.clone(), collider: placement, placed });
         let tiles = collider.reach.tiles;
         self.colliders.insert(id.clone(), collider);
         tiles
     }
 
-    /// Takes an object away. Returns on how many tiles it stood.
+    /// Takes an object away. Snow that lies on it is laid down; what can't be is refused. Returns on how many tiles it
+    /// stood.
     fn remove(&mut self, id: &Arc<str>, orders: &mut Orders) -> u64 {
-        let Some((id, collider)) = self.colliders.remove_entry(id) else { return 0 };
+        let Some((id, mut collider)) = self.colliders.remove_entry(id) else { return 0 };
         self.movers.remove(&id);
+        self.lay_down(&id, &mut collider, &ColumnSet::default(), orders);
+        let rest = collider.carried.mass();
+        self.ledger.carried -= rest;
+        self.ledger.refused += rest;
         orders.edits.push(Edit::RemoveCollider { id });
         collider.reach.tiles
     }

@@ -99,12 +99,15 @@ pub struct Ledger {
     pub refused: u128,
     /// Cleared away.
     pub cleared: u128,
+    /// Lies on objects.
+    #[serde(default)]
+    pub carried: u128,
 }
 
 impl Ledger {
     /// Mass that must be present.
     pub fn present(&self) -> u128 {
-        self.fallen - self.refused - self.cleared
+        self.fallen - self.refused - self.cleared - self.carried
     }
 
     /// The ledger beside the mass that a tally found.
@@ -115,6 +118,7 @@ impl Ledger {
             fallen: grid.kilograms(self.fallen),
             refused: grid.kilograms(self.refused),
             cleared: grid.kilograms(self.cleared),
+            carried: grid.kilograms(self.carried),
             imbalance_quanta: self.present() as i64 - present as i64,
         }
     }

@@ -2,6 +2,7 @@
 
 mod answer;
 mod apply;
+mod burden;
 mod change;
 mod charge;
 mod clock;
@@ -32,6 +33,7 @@ mod weak;
 
 pub(crate) use answer::{Answer, Place, WaitingRoom};
 pub(crate) use apply::Disturbed;
+pub(crate) use burden::Carried;
 pub use change::{Applied, Change};
 pub(crate) use charge::{Bill, Charge, who_waits};
 pub(crate) use clock::ticks_between;

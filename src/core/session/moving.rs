@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use firn_engine::frame::{Edit, Moves, Placement, Run};
+use firn_snow::ColumnSet;
 
-use crate::core::session::{Collider, SessionState};
+use crate::core::session::{Collider, Counted, Orders, Reach, SessionState};
 
 impl SessionState {
     /// Whether an object moves by itself.
@@ -18,28 +19,33 @@ impl SessionState {
         movers.map(|mover| mover.body.steps(&self.grid, dt)).max().unwrap_or(1)
     }
 
-    /// Moves objects through some cycles. Returns what the device does of that, cycle by cycle; nothing where none
-    /// moves in the first.
-    pub fn move_objects(&mut self, run: Run) -> Vec<Moves> {
+    /// Moves objects through some cycles, after the edits of some orders. Returns what the device does of that, cycle by
+    /// cycle; nothing where none moves in the first.
+    pub fn move_objects(&mut self, run: Run, orders: &mut Orders) -> Vec<Moves> {
         if !self.moves() {
             return Vec::new();
         }
-        (0..run.cycles).map(|_| self.move_through_cycle(run.dt)).collect()
+        let mut edits = orders.edits.len();
+        let mut cycle = |_| self.move_through_cycle(run.dt, &mut edits, &mut orders.counted);
+        (0..run.cycles).map(&mut cycle).collect()
     }
 
-    fn move_through_cycle(&mut self, dt: f64) -> Moves {
+    /// Moves objects through a cycle; `edits` numbers what the device does.
+    fn move_through_cycle(
+        &mut self,
+        dt: f64,
+        edits: &mut usize,
+        counted: &mut Vec<Counted>,
+    ) -> Moves {
         if !self.moves() {
             return Moves::default();
         }
         let steps = self.steps_of_cycle(dt);
-        let step = |left| self.step(dt / f64::from(steps), left);
+        let step = |left| self.step(dt / f64::from(steps), left, edits, counted);
         let moves = Moves { steps: (1..=steps).rev().map(step).collect() };
         for id in std::mem::take(&mut self.movers) {
             let Some(mover) = self.colliders.get_mut(&id) else { continue };
-            *mover = Collider {
-                contact: mover.contact,
-                ..Collider::new(mover.body.clone(), &self.grid)
-            };
+            mover.reach = Reach::new(&mover.body, &self.grid);
             if !mover.body.motion.is_still() {
                 self.movers.insert(id);
             }
@@ -47,15 +53,35 @@ impl SessionState {
         moves
     }
 
-    /// Moves every object by the first of the steps that are left of a cycle.
-    fn step(&mut self, dt: f64, left: u32) -> Vec<Edit> {
-        let mut edits = Vec::new();
+    /// Moves every object by the first of the steps that are left of a cycle. What it leaves behind is laid down
+    /// before.
+    fn step(
+        &mut self,
+        dt: f64,
+        left: u32,
+        edits: &mut usize,
+        counted: &mut Vec<Counted>,
+    ) -> Vec<Edit> {
+        let (mut laid, mut put) = (Vec::new(), Vec::new());
         for id in &self.movers {
             let Some(mover) = self.colliders.get_mut(id) else { continue };
             let Some(footprints) = mover.body.step(&self.grid, dt, left) else { continue };
-            let collider = Arc::new(Placement { mass: mover.body.load(), footprints });
-            edits.push(Edit::PutCollider { id: id.clone(), collider, placed: true });
+            let before = mover.carried.mass();
+            if let Some(snow) = mover.unload(&ColumnSet::under(&footprints)) {
+                self.ledger.carried -= before - mover.carried.mass();
+                for (edit, count) in snow.edits(id, *edits + laid.len()) {
+                    laid.push(edit);
+                    counted.push(count);
+                }
+            }
+            let mass = Collider::weight(&mover.body, &mover.carried, &self.grid);
+            let cover = mover.body.cover();
+            mover.placement = Arc::new(Placement { mass, cover, footprints });
+            let collider = mover.placement.clone();
+            put.push(Edit::PutCollider { id: id.clone(), collider, placed: true });
         }
-        edits
+        laid.append(&mut put);
+        *edits += laid.len();
+        laid
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use firn_engine::frame::{ColumnRead, Edit, SampleBox};
 use firn_protocol::{BatchResults, MassView, SampleBatch};
-use firn_snow::{ColumnRect, Coverage};
+use firn_snow::{Cell, ColumnRect, Coverage};
 
 use crate::core::record::Once;
 use crate::core::session::{
@@ -51,12 +51,14 @@ pub(crate) struct Gather {
 }
 
 /// An edit of which the device finds out what goes into the ledger.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) enum Counted {
     /// What of a snowfall found no room.
     Refused(usize),
     /// What was cleared away.
     Cleared(usize),
+    /// What an object laid down that found no room, of so much snow on each column.
+    Returned { edit: usize, id: Arc<str>, snow: Cell },
 }
 
 /// What went with the frame in flight.

@@ -180,7 +180,7 @@ fn cells_of_tile(grid: &Grid) -> u64 {
 /// Units of a change.
 fn units_of(edit: &Edit, grid: &Grid) -> u64 {
     match edit {
-        Edit::Deposit(fall) => FALL * fall.columns.columns(),
+        Edit::Deposit(fall) | Edit::Lay(fall) => FALL * fall.columns.columns(),
         Edit::Clear { columns, .. } => FALL * columns.columns(),
         Edit::Stamp(stamp) => stamp.coverage.columns.columns() * u64::from(grid.height),
         Edit::PutCollider { collider, .. } => 1 + collider.columns(),

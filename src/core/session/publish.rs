@@ -78,11 +78,15 @@ impl Simulation {
 
     /// Enters what the frame's edits refused and cleared.
     fn enter_ledger(&mut self, edits: &[u64]) {
-        let ledger = &mut self.state.ledger;
+        let state = &mut self.state;
+        let tick = self.flight.clock_before.map_or(state.clock.tick(), |clock| clock.tick());
         for counted in &self.flight.orders.counted {
-            match *counted {
-                Counted::Refused(edit) => ledger.refused += u128::from(edits[edit]),
-                Counted::Cleared(edit) => ledger.cleared += u128::from(edits[edit]),
+            match counted {
+                Counted::Refused(edit) => state.ledger.refused += u128::from(edits[*edit]),
+                Counted::Cleared(edit) => state.ledger.cleared += u128::from(edits[*edit]),
+                Counted::Returned { edit, id, snow } => {
+                    state.give_back(id, snow, edits[*edit].into(), tick);
+                }
             }
         }
     }
@@ -342,6 +346,7 @@ fn view(id: &str, collider: &Collider, grid: &Grid) -> ColliderView {
         sink_depth: Elevation(contact.reference - contact.bottom).metres(grid),
         contact_area: if collider.body.airborne { 0.0 } else { f64::from(contact.area) },
         pressure: f64::from(contact.pressure),
+        burden: grid.kilograms(collider.carried.mass()),
         resting: contact.resting,
     }
 }

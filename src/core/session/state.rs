@@ -3,10 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use firn_engine::frame::Placement;
 use firn_protocol::{SessionSpec, Settings};
 use firn_snow::{Body, Contact, Grid, Material};
 
-use crate::core::session::{Clock, Falling, Ground, Ledger, Reach, Snowing};
+use crate::core::session::{Carried, Clock, Falling, Ground, Ledger, Reach, Snowing};
 
 /// The host's half of a snowpack: all but its cells. Changes are decided and applied here, without a device.
 #[derive(Clone, Debug)]
@@ -18,6 +19,8 @@ pub(crate) struct SessionState {
     pub colliders: BTreeMap<Arc<str>, Collider>,
     /// Those of them that move by themselves.
     pub movers: BTreeSet<Arc<str>>,
+    /// Snow has come back to an object that does not weigh on it yet.
+    pub returned: bool,
     pub ledger: Ledger,
     pub falling: Falling,
     /// The ground, where it is no longer the one that the session was created with.
@@ -28,6 +31,10 @@ pub(crate) struct SessionState {
 #[derive(Clone, Debug)]
 pub(crate) struct Collider {
     pub body: Body,
+    /// As the device has it.
+    pub placement: Arc<Placement>,
+    /// Snow on it.
+    pub carried: Carried,
     /// As last published.
     pub contact: Contact,
     /// How far it reaches.
@@ -44,6 +51,7 @@ impl SessionState {
             material: spec.material,
             colliders: BTreeMap::new(),
             movers: BTreeSet::new(),
+            returned: false,
             ledger: Ledger::default(),
             falling: Falling::default(),
             ground: None,
@@ -63,9 +71,17 @@ impl SessionState {
 }
 
 impl Collider {
-    /// An object that has not touched the snow yet.
-    pub fn new(body: Body, grid: &Grid) -> Collider {
+    /// An object that has not touched the snow yet; nothing where none of its columns is in the grid.
+    pub fn new(body: Body, carried: Carried, grid: &Grid) -> Option<Collider> {
+        let (footprints, mass) = (body.on(grid)?, Collider::weight(&body, &carried, grid));
+        let placement = Arc::new(Placement { mass, cover: body.cover(), footprints });
         let reach = Reach::new(&body, grid);
-        Collider { body, contact: Contact::default(), reach }
+        Some(Collider { body, placement, carried, contact: Contact::default(), reach })
+    }
+
+    /// What an object weighs on the snow with what it carries \[kg\].
+    pub fn weight(body: &Body, carried: &Carried, grid: &Grid) -> f64 {
+        let burden = if body.airborne { 0.0 } else { grid.kilograms(carried.burden.mass) };
+        body.load() + burden
     }
 }

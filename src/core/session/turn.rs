@@ -67,9 +67,12 @@ impl Simulation {
             }
         }
         let run = advance.run;
-        let moves = self.state.move_objects(run);
         self.unpublished |= advance.ticks > 0 || self.has_orders();
         let mut orders = std::mem::take(&mut self.next);
+        if advance.ticks > 0 {
+            self.state.weigh_returned(clock_before.tick(), &mut orders);
+        }
+        let moves = self.state.move_objects(run, &mut orders);
         let publish = match &self.replay {
             Some(replay) => replay.publishes(),
             None => orders.are_awaited() || (self.is_to_publish(turn) && self.unpublished),
@@ -175,7 +178,8 @@ impl Simulation {
         };
         self.frame = turn.frame;
         let snow = self.state.ticks_until_snow();
-        let taken = if self.next.checkpoint { 0 } else { due.min(snow.unwrap_or(u64::MAX)) };
+        let most = if self.state.may_return(&self.next) { 1 } else { snow.unwrap_or(u64::MAX) };
+        let taken = if self.next.checkpoint { 0 } else { due.min(most) };
         let passes = turn.sleep && self.is_still();
         let units = self.units_of_cycle();
         let fitting = self.portions.cycles(units);

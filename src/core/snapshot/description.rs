@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use firn_engine::frame::{Placement, TileCells};
+use firn_engine::frame::TileCells;
 use firn_protocol::{SessionSpec, Settings};
 use firn_snow::{Body, Contact, Elevation, Grid, Material};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::{
-    Check, Clock, Collider, Falling, Ground, Ledger, Limits, SessionError, SessionState,
+    Carried, Check, Clock, Collider, Falling, Ground, Ledger, Limits, SessionError, SessionState,
 };
 use crate::core::snapshot::refused;
 
@@ -40,13 +40,16 @@ pub struct SavedCollider {
     #[serde(flatten)]
     pub body: Body,
     pub contact: Contact,
+    /// Snow on it.
+    #[serde(default, skip_serializing_if = "Carried::is_none")]
+    pub carried: Carried,
 }
 
 impl SavedCollider {
-    /// Where it stands; `None` where that is not in the grid.
-    pub fn placement(&self, grid: &Grid) -> Option<Arc<Placement>> {
-        let footprints = self.body.on(grid)?;
-        Some(Arc::new(Placement { mass: self.body.load(), footprints }))
+    /// The object; `None` where it does not stand in the grid.
+    pub fn collider(&self, grid: &Grid) -> Option<Collider> {
+        let new = Collider::new(self.body.clone(), self.carried, grid)?;
+        Some(Collider { contact: self.contact, ..new })
     }
 }
 
@@ -54,19 +57,18 @@ impl Description {
     /// The host's half of what was saved.
     pub fn state(&self, ground: Option<Ground>) -> SessionState {
         let grid = self.spec.grid;
-        let collider = |saved: &SavedCollider| {
-            let new = Collider::new(saved.body.clone(), &grid);
-            let collider = Collider { contact: saved.contact, ..new };
-            (Arc::from(saved.id.as_str()), collider)
-        };
+        let collider =
+            |saved: &SavedCollider| Some((Arc::from(saved.id.as_str()), saved.collider(&grid)?));
+        let returned = |saved: &SavedCollider| !saved.carried.returned.is_none();
         let moves = |saved: &&SavedCollider| !saved.body.motion.is_still();
         SessionState {
+            returned: self.colliders.iter().any(returned),
             movers: self.colliders.iter().filter(moves).map(|it| Arc::from(&*it.id)).collect(),
             grid,
             clock: self.clock,
             settings: self.settings,
             material: self.material,
-            colliders: self.colliders.iter().map(collider).collect(),
+            colliders: self.colliders.iter().filter_map(collider).collect(),
             ledger: self.ledger,
             falling: self.falling,
             ground,
@@ -100,6 +102,8 @@ impl Description {
         let snows = self.settings.snowfall_rate > 0.0;
         let ledger = &self.ledger;
         let out = ledger.refused.checked_add(ledger.cleared);
+        let out = out.and_then(|out| out.checked_add(ledger.carried));
+        let carried = self.colliders.iter().map(|saved| saved.carried.mass()).sum::<u128>();
         for (pointer, sound) in [
             ("/spec/id", self.spec.id.is_none()),
             ("/material", fixed == self.spec.material),
@@ -107,6 +111,7 @@ impl Description {
             ("/falling", self.falling.is_sound(self.clock.tick(), snows, &self.spec)),
             // Not more than falls in a million years of the heaviest snowfalls.
             ("/ledger", out.is_some_and(|out| out <= ledger.fallen) && ledger.fallen < 1 << 120),
+            ("/ledger/carried", ledger.carried == carried),
             ("/last_cycle", self.last_cycle.is_none_or(|dt| (0.0..=1.0).contains(&dt))),
             ("/colliders", self.colliders.len() <= limits.colliders_per_session),
         ] {
@@ -126,7 +131,8 @@ impl Description {
             let held = [contact.bottom, contact.reference, footing.bottom]
                 .iter()
                 .all(|elevation| (Elevation::LOWEST..=Elevation::HIGHEST).contains(elevation));
-            if !(ordered && held && positive(contact.area) && presses) {
+            let carries = saved.carried.is_sound(self.clock.tick());
+            if !(ordered && held && positive(contact.area) && presses && carries) {
                 check.reject(at, "is not what a server would have saved");
             }
         }

@@ -34,6 +34,7 @@ fn collider(id: &str, x: f64) -> ColliderView {
         sink_depth: 0.0,
         contact_area: 0.0,
         pressure: 0.0,
+        burden: 0.0,
         resting: true,
     }
 }

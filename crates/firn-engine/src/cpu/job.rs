@@ -2,7 +2,7 @@
 
 use firn_snow::{Column, ColumnRect, Grid, Progress, Snowpack, TILE_COLUMNS, TILE_SIDE};
 
-use crate::frame::{ColumnRead, Edit, TileCells, Work, WorkOutcome};
+use crate::frame::{ColumnRead, Edit, Placement, TileCells, Work, WorkOutcome};
 use crate::published::TileColumns;
 
 /// Units of a row of tiles on which snow falls, for each of its columns.
@@ -204,6 +204,11 @@ impl Job {
                 let refused = snowpack.deposit(part, fall.depth, fall.mass, fall.temperature);
                 (refused, EDIT * part.columns(), rows_of(fall.columns))
             }
+            Edit::Lay(fall) => {
+                let part = row_of(fall.columns, next);
+                let refused = snowpack.lay(part, fall.depth, fall.mass, fall.temperature);
+                (refused, EDIT * part.columns(), rows_of(fall.columns))
+            }
             Edit::Clear { columns, depth } => {
                 let part = row_of(*columns, next);
                 (snowpack.clear(part, *depth), EDIT * part.columns(), rows_of(*columns))
@@ -217,7 +222,8 @@ impl Job {
             }
             Edit::PutCollider { id, collider, placed } => {
                 let footprints = collider.footprints.clone();
-                snowpack.put_collider(id.clone(), collider.mass, footprints, *placed);
+                let Placement { mass, cover, .. } = **collider;
+                snowpack.put_collider(id.clone(), mass, cover, footprints, *placed);
                 (0, OBJECT + collider.columns(), 1)
             }
             Edit::RemoveCollider { id } => {
@@ -240,7 +246,8 @@ impl Job {
                 let end = contents.tiles.len() as u32;
                 if next + 1 >= end {
                     let colliders = contents.colliders.iter().map(|(id, placement, contact)| {
-                        (id.clone(), placement.mass, placement.footprints.clone(), *contact)
+                        let Placement { mass, cover, ref footprints } = **placement;
+                        (id.clone(), mass, cover, footprints.clone(), *contact)
                     });
                     snowpack.restore_colliders(colliders);
                 }

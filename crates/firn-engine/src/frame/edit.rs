@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use firn_snow::{ColumnRect, Contact, Coverage, Footprint, Grid, Material, SurfaceLoad};
+use firn_snow::{ColumnRect, Contact, Cover, Coverage, Footprint, Grid, Material, SurfaceLoad};
 
 use super::TileCells;
 
@@ -38,9 +38,11 @@ impl Moves {
 /// A change of one snowpack.
 #[derive(Clone, Debug)]
 pub enum Edit {
-    /// Snow falls on some columns.
+    /// Snow falls on some columns, but for those that objects shelter.
     Deposit(Deposit),
-    /// Snow is removed above a depth.
+    /// Snow is laid on some columns, under objects too.
+    Lay(Deposit),
+    /// Snow is removed above a depth, where no object stands.
     Clear {
         /// The columns.
         columns: ColumnRect,
@@ -83,7 +85,7 @@ impl Edit {
     /// The columns that it changes, where it changes snow.
     pub fn columns(&self) -> Option<ColumnRect> {
         match self {
-            Edit::Deposit(fall) => Some(fall.columns),
+            Edit::Deposit(fall) | Edit::Lay(fall) => Some(fall.columns),
             Edit::Clear { columns, .. } => Some(*columns),
             Edit::Stamp(stamp) => Some(stamp.coverage.columns),
             _ => None,
@@ -125,8 +127,10 @@ pub struct Stamp {
 /// An object's load and where it stands.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placement {
-    /// Mass \[kg\].
+    /// Mass \[kg\], with what lies on it.
     pub mass: f64,
+    /// What it keeps from the columns under it.
+    pub cover: Cover,
     /// Columns under each of its outlines.
     pub footprints: Vec<Footprint>,
 }

@@ -37,6 +37,8 @@ pub const LOADED: u32 = 1 << 31;
 pub const DEPOSIT: u32 = 0;
 /// `Operation.kind`: snow is cleared.
 pub const CLEAR: u32 = 1;
+/// `Operation.kind`: snow is laid, under objects too.
+pub const LAY: u32 = 2;
 /// `Tile.session` of a tile that no session owns.
 pub const NO_SESSION: u32 = u32::MAX;
 /// `Collider.first_lift` of a flat footprint.
@@ -315,6 +317,14 @@ pub struct EditJob {
     pub first_operation: u32,
     /// Number of the operations.
     pub operations: u32,
+    /// Columns, bit by bit, on which no snow falls because of objects.
+    pub sheltered_low: u32,
+    /// The second half of them.
+    pub sheltered_high: u32,
+    /// Columns on which objects stand.
+    pub stood_on_low: u32,
+    /// The second half of them.
+    pub stood_on_high: u32,
     /// Fills the row.
     pub padding: u32,
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use firn_snow::{GRAVITY, Grid};
+use firn_snow::{Cover, GRAVITY, Grid};
 
 use crate::frame::{Edit, Layout, Placement, Slot};
 
@@ -55,6 +55,9 @@ pub struct Resident {
     pub bodies: BTreeMap<Arc<str>, Body>,
     /// For each tile under an object the footprints on it, by the rank of their rows.
     pub loads: BTreeMap<u32, Vec<u32>>,
+    /// For each of those tiles the columns, bit by bit, on which no snow falls because of objects, and those on which
+    /// objects stand.
+    pub covered: BTreeMap<u32, [u64; 2]>,
     /// Tiles under no object whose snow was edited, and whose stress has not been evaluated since:
     /// nothing has needed it.
     pub unweighed: BTreeSet<u32>,
@@ -73,8 +76,8 @@ pub struct Body {
     pub placement: Arc<Placement>,
     /// Its first row in the table of contacts; each of its footprints has one.
     pub contact: u32,
-    /// Tiles under each of its footprints, by their index in the snowpack.
-    footprint_tiles: Vec<Vec<u32>>,
+    /// Tiles under each of its footprints, by their index in the snowpack, with their columns, bit by bit.
+    footprint_tiles: Vec<Vec<(u32, u64)>>,
     /// Whether the next evaluation begins to count the depth it sinks.
     pub placed: bool,
 }
@@ -82,7 +85,8 @@ pub struct Body {
 impl Body {
     /// An object whose rows in the table of contacts begin at `contact`.
     pub fn new(placement: Arc<Placement>, contact: u32, placed: bool, grid: &Grid) -> Body {
-        let footprint_tiles = placement.footprints.iter().map(|it| it.tiles(grid)).collect();
+        let footprint_tiles =
+            placement.footprints.iter().map(|it| it.columns_of_tiles(grid)).collect();
         Body { placement, contact, footprint_tiles, placed }
     }
 
@@ -93,7 +97,7 @@ impl Body {
 
     /// Tiles under it. A tile may be told for several footprints.
     pub fn tiles(&self) -> impl Iterator<Item = u32> + '_ {
-        self.footprint_tiles.iter().flatten().copied()
+        self.footprint_tiles.iter().flatten().map(|(tile, _)| *tile)
     }
 }
 
@@ -107,6 +111,7 @@ impl Resident {
             row,
             bodies: BTreeMap::new(),
             loads: BTreeMap::new(),
+            covered: BTreeMap::new(),
             unweighed: BTreeSet::new(),
             awake: Some(BTreeSet::new()),
             unfurnished: Some(unfurnished),
@@ -184,8 +189,17 @@ impl Resident {
         let old: BTreeSet<u32> = std::mem::take(&mut self.loads).into_keys().collect();
         let footprints = self.bodies.values().flat_map(|body| &body.footprint_tiles);
         for (rank, tiles) in (0..).zip(footprints) {
-            for &tile in tiles {
+            for &(tile, _) in tiles {
                 self.loads.entry(tile).or_default().push(rank);
+            }
+        }
+        self.covered.clear();
+        for body in self.bodies.values() {
+            let Cover { snow, clearings } = body.placement.cover;
+            for (tile, columns) in body.footprint_tiles.iter().flatten() {
+                let covered = self.covered.entry(*tile).or_default();
+                covered[0] |= if snow { *columns } else { 0 };
+                covered[1] |= if clearings { *columns } else { 0 };
             }
         }
         let new: BTreeSet<u32> = self.loads.keys().copied().collect();
@@ -207,7 +221,7 @@ pub fn rounds(edits: Vec<(u32, Edit)>) -> Vec<(Vec<(u32, Edit)>, u64)> {
     for (number, edit) in edits {
         let rows = edit.columns().map_or(0, |columns| columns.tiles().columns());
         let phase = match &edit {
-            Edit::Deposit(_) | Edit::Clear { .. } => 0,
+            Edit::Deposit(_) | Edit::Lay(_) | Edit::Clear { .. } => 0,
             Edit::Stamp(_) => 1,
             _ => 2,
         };

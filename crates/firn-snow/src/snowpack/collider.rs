@@ -1,5 +1,6 @@
 //! Objects on the snow, as a snowpack knows them.
 
+use crate::body::Cover;
 use crate::contact::Contact;
 use crate::footprint::Footprint;
 use crate::grid::Grid;
@@ -10,6 +11,7 @@ use super::tile::Tile;
 #[derive(Clone, Debug)]
 pub(super) struct Collider {
     pub(super) mass: f64,
+    pub(super) cover: Cover,
     /// What it stands on.
     pub(super) stands: Vec<Stand>,
     /// Tiles under it, in ascending order.

@@ -26,6 +26,9 @@ pub(super) struct Tile {
     pub heights: [u32; COLUMNS],
     /// Objects that stand on the tile: indices in ascending order of ids.
     pub loads: Vec<usize>,
+    /// Columns, bit by bit, on which no snow falls because of objects, and those on which objects stand.
+    pub sheltered: u64,
+    pub stood_on: u64,
     /// Whether it is under an object, or one moves over it in this cycle.
     pub under_objects: bool,
     /// Whether a cell may change in the next cycle.
@@ -66,6 +69,8 @@ impl Tile {
             ground: ground_of(grid, rect, ground),
             heights: [0; COLUMNS],
             loads: Vec::new(),
+            sheltered: 0,
+            stood_on: 0,
             under_objects: false,
             awake: false,
             dirty: true,
@@ -86,15 +91,19 @@ impl Tile {
         self.ground[column].under(self.heights[column])
     }
 
-    /// Changes the columns inside a rectangle, each with its place.
+    /// Changes the columns inside a rectangle, each with its place, but for those with a bit among the `spared`.
     pub fn edit(
         &mut self,
         rect: ColumnRect,
+        spared: u64,
         change: impl Fn(&mut Column, (u32, u32)) -> u32,
     ) -> Edited {
         let mut edited = Edited::default();
         for (x, z) in positions(self.rect).filter(|&(x, z)| rect.contains(x, z)) {
             let index = column_index(x, z);
+            if spared >> index & 1 == 1 {
+                continue;
+            }
             let column = &mut self.columns[index];
             let quanta = change(column, (x, z));
             edited.sum += u64::from(quanta);

@@ -278,7 +278,9 @@ impl Check {
         let far = |[x, z]: &[f64; 2]| !(x.abs() <= FARTHEST && z.abs() <= FARTHEST);
         if let Some(i) = path.iter().position(far) {
             self.reject(format!("{at}/path/{i}"), format!("is not within {FARTHEST} m of 0"));
-        } else if let Some(speed) = speed.filter(|speed| !(0.0..=FASTEST).contains(speed)) {
+        } else if let Some(speed) = speed.filter(|speed| !(0.0..=FASTEST).contains(speed))
+            && !self.errors().any(|error| error.pointer == format!("{at}/over"))
+        {
             let detail = format!("makes it {speed:.1} m/s along the path; at most {FASTEST} m/s");
             self.reject(format!("{at}/over"), detail);
         }

@@ -9,7 +9,7 @@ use firn_snow::{ColumnRect, Contact, SurfaceLoad, TILE_SIDE};
 use crate::frame::{Contents, Deposit, Edit, Placement, Slot};
 use crate::gpu::kernels::KernelId;
 use crate::gpu::layout::{
-    AFTER_EDITS, CLEAR, DEPOSIT, EditJob, LoadJob, Operation, Pass, Stamp, Tile,
+    AFTER_EDITS, CLEAR, DEPOSIT, EditJob, LAY, LoadJob, Operation, Pass, Stamp, Tile,
 };
 use crate::gpu::resident::{Body, Resident, Residents};
 
@@ -37,12 +37,13 @@ pub(super) struct Changed {
 }
 
 impl Changed {
-    /// Notes that the tiles may wake, and that their stress is to be evaluated.
-    fn note(&self, resident: &mut Resident) {
+    /// Notes that the tiles may wake, and that their stress is to be evaluated. Returns them.
+    fn note(self, resident: &mut Resident) -> (BTreeMap<u32, Vec<u32>>, BTreeMap<u32, Vec<u32>>) {
         for tiles in [&self.snowed, &self.stamped] {
             resident.unweighed.extend(tiles.keys().copied());
             resident.wake(tiles.keys().copied());
         }
+        (self.snowed, self.stamped)
     }
 }
 
@@ -103,7 +104,7 @@ impl Planner<'_> {
         let evaluates = edits.iter().any(|(_, edit)| !matches!(edit, Edit::Restore(_)));
         for (result, edit) in edits {
             match edit {
-                Edit::Deposit(_) | Edit::Clear { .. } | Edit::Stamp(_) => {
+                Edit::Deposit(_) | Edit::Lay(_) | Edit::Clear { .. } | Edit::Stamp(_) => {
                     self.operate(resident, &edit, result, ALL_ROWS, &mut changed);
                 }
                 other => {
@@ -112,6 +113,10 @@ impl Planner<'_> {
                 }
             }
         }
+        // Snow falls before objects are put: those cover it that were there before.
+        let (snowed, stamped) = changed.note(resident);
+        self.edit_jobs(resident, snowed, &mut edited.edit_jobs);
+        self.edit_jobs(resident, stamped, &mut edited.stamp_jobs);
         if moved {
             self.mark_loaded(slot, resident);
         }
@@ -122,9 +127,6 @@ impl Planner<'_> {
         if runs {
             self.evaluated.insert(slot);
         }
-        changed.note(resident);
-        self.edit_jobs(resident, changed.snowed, &mut edited.edit_jobs);
-        self.edit_jobs(resident, changed.stamped, &mut edited.stamp_jobs);
         stressed.extend(resident.loads.keys().copied());
         resident.wake(stressed.iter().copied());
         for tile in &stressed {
@@ -202,7 +204,7 @@ impl Planner<'_> {
                 resident.awake = None;
                 true
             }
-            Edit::Deposit(_) | Edit::Clear { .. } | Edit::Stamp(_) => false,
+            Edit::Deposit(_) | Edit::Lay(_) | Edit::Clear { .. } | Edit::Stamp(_) => false,
         }
     }
 
@@ -228,6 +230,9 @@ impl Planner<'_> {
         let (row, tiles) = match edit {
             Edit::Deposit(fall) => {
                 (orders.operations.push(operation(DEPOSIT, deposited(fall))), &mut changed.snowed)
+            }
+            Edit::Lay(fall) => {
+                (orders.operations.push(operation(LAY, deposited(fall))), &mut changed.snowed)
             }
             Edit::Clear { depth, .. } => {
                 (orders.operations.push(operation(CLEAR, [0, *depth, 0, 0])), &mut changed.snowed)
@@ -261,10 +266,8 @@ impl Planner<'_> {
         for (result, edit) in edits {
             self.operate(resident, edit, *result, rows.clone(), &mut changed);
         }
-        changed.note(resident);
-        for (kernel, tiles) in
-            [(KernelId::Snowfall, changed.snowed), (KernelId::Stamp, changed.stamped)]
-        {
+        let (snowed, stamped) = changed.note(resident);
+        for (kernel, tiles) in [(KernelId::Snowfall, snowed), (KernelId::Stamp, stamped)] {
             let mut jobs = Vec::new();
             self.edit_jobs(resident, tiles, &mut jobs);
             self.change_snow(kernel, jobs);
@@ -296,7 +299,17 @@ impl Planner<'_> {
                 rows.len() - operations
             });
             let tile_row = resident.lot.tiles.start + tile;
-            let job = EditJob { tile: tile_row, first_operation, operations, padding: 0 };
+            let [sheltered, stood_on] = resident.covered.get(&tile).copied().unwrap_or_default();
+            let job = EditJob {
+                tile: tile_row,
+                first_operation,
+                operations,
+                sheltered_low: sheltered as u32,
+                sheltered_high: (sheltered >> 32) as u32,
+                stood_on_low: stood_on as u32,
+                stood_on_high: (stood_on >> 32) as u32,
+                padding: 0,
+            };
             jobs.push((resident.page(tile), job));
         }
     }

@@ -180,15 +180,15 @@ impl Planner<'_> {
             let result = moving.next_result;
             moving.next_result += 1;
             match edit {
-                Edit::Deposit(_) => {
+                Edit::Lay(_) => {
                     self.operate(resident, &edit, result, ALL_ROWS, &mut changed);
                 }
                 other => moved |= self.alter(moving.slot, resident, other, &mut stressed),
             }
         }
+        self.edit_jobs(resident, changed.snowed, &mut step.edit_jobs);
         if moved {
             moving.marked.extend(resident.list_loads());
         }
-        self.edit_jobs(resident, changed.snowed, &mut step.edit_jobs);
     }
 }

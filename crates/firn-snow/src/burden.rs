@@ -1,0 +1,81 @@
+//! Snow that lies on an object instead of under it.
+
+use super::column::Cell;
+
+/// Parts of a degree in which heat is counted, so that a sum does not depend on its order.
+const DEGREE: f32 = 256.0;
+
+/// Snow that lies on an object: a sum over the columns under it, in whole quanta.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Burden {
+    /// Areal mass, in quanta of one column.
+    pub mass: u128,
+    /// Thickness, in quanta.
+    pub thickness: u128,
+    /// Mass times temperature, in quanta times 1/256 °C.
+    pub heat: i128,
+}
+
+impl Burden {
+    /// Snow of a mass, a thickness, both in quanta, and a temperature \[°C\] on each of some columns.
+    pub fn of(columns: u64, mass: u64, thickness: u64, celsius: f32) -> Burden {
+        let mass = u128::from(columns) * u128::from(mass);
+        Burden {
+            mass,
+            thickness: u128::from(columns) * u128::from(thickness),
+            // What may be told of temperatures is far from the ends of the number.
+            heat: mass as i128 * (celsius * DEGREE).round() as i128,
+        }
+    }
+
+    /// Part of a cell's snow, by its mass in quanta of one column.
+    pub fn part(mass: u128, cell: &Cell) -> Burden {
+        let celsius = (cell.temperature * DEGREE).round() as i128;
+        let thickness = mass * u128::from(cell.thickness) / u128::from(cell.mass.max(1));
+        Burden { mass, thickness: thickness.max(1), heat: mass as i128 * celsius }
+    }
+
+    /// Whether there is none.
+    pub fn is_none(&self) -> bool {
+        self.mass == 0
+    }
+
+    /// Adds more.
+    pub fn add(&mut self, other: Burden) {
+        self.mass += other.mass;
+        self.thickness += other.thickness;
+        self.heat += other.heat;
+    }
+
+    /// Takes off what some of the columns have of it, out of so many that it lies on, each the same whole quanta.
+    /// Returns what each of them gets; nothing where that is less than a quantum.
+    pub fn take(&mut self, columns: u64, of: u64) -> Option<Cell> {
+        let part = |sum: u128| u32::try_from(sum / u128::from(of.max(1))).unwrap_or(u32::MAX);
+        let (mass, thickness) = (part(self.mass), part(self.thickness));
+        if columns == 0 || mass == 0 || thickness == 0 {
+            return None;
+        }
+        let taken = u128::from(columns) * u128::from(mass);
+        let celsius = self.heat / self.mass as i128;
+        let temperature = celsius as f32 / DEGREE;
+        self.mass -= taken;
+        self.thickness -= u128::from(columns) * u128::from(thickness);
+        self.heat -= celsius * taken as i128;
+        if self.mass == 0 {
+            *self = Burden::default();
+        }
+        Some(Cell { mass, thickness, temperature, stress: 0.0 })
+    }
+
+    /// Whether it is not impossible.
+    pub fn is_sound(&self) -> bool {
+        let most = 1 << 100;
+        (self.mass == 0) == (self.thickness == 0)
+            && self.mass < most
+            && self.thickness < most
+            && self.heat <= 0
+            && self.heat >= -(self.mass as i128) * (300.0 * DEGREE) as i128
+    }
+}
