@@ -2,6 +2,7 @@
 
 mod collider;
 mod run;
+mod stamp;
 mod tile;
 
 use std::collections::{BTreeMap, BTreeSet, TryReserveError};
@@ -10,16 +11,15 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::column::{Column, SurfaceLoad};
+use super::column::Column;
 use super::contact::Contact;
-use super::coverage::Coverage;
 use super::footprint::Footprint;
 use super::grid::{ColumnRect, Grid, TILE_COLUMNS};
 use super::material::Material;
 use super::pressing::Pressing;
 use super::sample::{Floor, Sample, sample_column};
 use collider::{Collider, Stand};
-use tile::{Edited, Tile};
+use tile::Tile;
 
 pub use run::Progress;
 
@@ -91,16 +91,6 @@ impl Snowpack {
         self.edit(rect, |column| column.clear(depth))
     }
 
-    /// Presses some of the columns that an outline covers at once, each by its share of the way to where it
-    /// carries a load. Returns the largest dent in quanta.
-    pub fn stamp(&mut self, rect: ColumnRect, coverage: &Coverage, load: SurfaceLoad) -> u32 {
-        let (grid, material) = (self.grid, self.material);
-        let press = |column: &mut Column, (x, z): (u32, u32)| {
-            column.stamp(&grid, &material, load, coverage.share(x, z))
-        };
-        self.edited(rect, press).largest
-    }
-
     /// Puts other ground under the snow of a tile, out of all columns' as in [`Snowpack::new`].
     pub fn set_ground(&mut self, tile: u32, ground: &[f64]) {
         if let Some(tile) = self.tiles.get_mut(tile as usize) {
@@ -109,20 +99,11 @@ impl Snowpack {
     }
 
     fn edit(&mut self, rect: ColumnRect, change: impl Fn(&mut Column) -> u32 + Sync) -> u64 {
-        self.edited(rect, |column, _| change(column)).sum
-    }
-
-    /// Changes columns, each with its place.
-    fn edited(
-        &mut self,
-        rect: ColumnRect,
-        change: impl Fn(&mut Column, (u32, u32)) -> u32 + Sync,
-    ) -> Edited {
         let tiles = rect.tiles();
         let rows = self.tiles.par_chunks_mut(self.grid.tiles_x() as usize);
         let rows = rows.skip(tiles.z0 as usize).take((tiles.z1 - tiles.z0) as usize);
         let touched = rows.flat_map(|row| &mut row[tiles.x0 as usize..tiles.x1 as usize]);
-        touched.map(|tile| tile.edit(rect, &change)).reduce(Edited::default, Edited::join)
+        touched.map(|tile| tile.edit(rect, |column, _| change(column)).sum).sum()
     }
 
     /// Puts an object on the snow, or replaces the one of that id. Where it is `placed`, the
