@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use firn_snow::{
-    ColumnRect, Contact, Coverage, Footprint, Material, SurfaceLoad, TILE_SIDE,
-};
+use firn_snow::{ColumnRect, Contact, Coverage, Footprint, Material, SurfaceLoad, TILE_SIDE};
 
 use super::TileCells;
 

@@ -17,40 +17,42 @@ const MARGIN: u32 = 12;
 
 /// The largest thickness from `least` up to below `present` at which a cell carries what is on it; `least` if it
 /// never does. `strength` says how many times over it does, at a thickness; at `present`, `before` times, less than
-/// once. Any `guess` leads to the same.
+/// once. A `root` of it is about proportional to density. Any `guess` leads to the same.
 pub(super) fn thickest_near(
     least: u32,
     present: u32,
     before: f32,
     guess: Option<u32>,
+    root: fn(f32) -> f32,
     strength: impl Fn(u32) -> f32,
 ) -> u32 {
     let holds = |thickness| strength(thickness) >= 1.0;
-    let Some(near) = secants(least, present, before, guess, &strength) else {
+    let found = |thickness| root(strength(thickness));
+    let Some(near) = secants(least, present, root(before), guess, found) else {
         return thickest(least, present, holds);
     };
     halvings(least, present, near, holds).unwrap_or_else(|| thickest(least, present, holds))
 }
 
-/// About the thickness at which the strength is 1, if secants find it.
+/// About the thickness at which a root of the strength is 1, if secants find it.
 fn secants(
     least: u32,
     present: u32,
     before: f32,
     guess: Option<u32>,
-    strength: impl Fn(u32) -> f32,
+    root: impl Fn(u32) -> f32,
 ) -> Option<u32> {
     let (low, high) = (least as f32, present.saturating_sub(1).max(least) as f32);
-    // Hardness goes about with the square of density: its root is nearly a line over 1/d.
-    let (mut last, mut root) = (present as f32, before.sqrt());
-    let mut next = guess.map_or(last * root, |guess| guess as f32);
+    // The root is nearly a line over 1/d.
+    let (mut last, mut root_there) = (present as f32, before);
+    let mut next = guess.map_or(last * before, |guess| guess as f32);
     for _ in 0..SECANTS {
         let here = next.clamp(low, high).floor();
-        let found = strength(here as u32).sqrt();
+        let found = root(here as u32);
         if here == low && found < 1.0 {
             return Some(least);
         }
-        let slope = (found - root) / (1.0 / here - 1.0 / last);
+        let slope = (found - root_there) / (1.0 / here - 1.0 / last);
         next = 1.0 / (1.0 / here + (1.0 - found) / slope);
         // A flat or broken line leads nowhere.
         if !(slope * (1.0 / here) > 0.25 && next > 0.0) {
@@ -61,7 +63,7 @@ fn secants(
         if steps < 0.25 * AROUND as f32 {
             return Some(next.clamp(low, high) as u32);
         }
-        (last, root) = (here, found);
+        (last, root_there) = (here, found);
     }
     None
 }

@@ -60,13 +60,14 @@ impl<'a> Printer<'a> {
         for (rank, cell) in column.cells.iter().rev().enumerate() {
             mass += cell.mass;
             let weight = weight(mass);
+            let snow = law.material.strength(cell.temperature);
+            let content = cell.mass as f32;
             // How many times over the cell carries what is on it; often enough where it feels nothing of the load.
             let strength = |thickness: u32| {
                 let depth = (above as f32 + 0.5 * thickness as f32) * *metres;
-                let spread =
-                    spread(law.material.load_distribution, depth, load.width, rank == 0);
+                let spread = spread(law.material.load_distribution, depth, load.width, rank == 0);
                 let felt = load.pressure * spread;
-                let hardness = law.hardness(&Cell { thickness, ..*cell });
+                let hardness = snow.hardness(content / thickness as f32 * law.density);
                 if felt <= 0.0 { f32::INFINITY } else { hardness / (weight + felt) }
             };
             let before = strength(cell.thickness);
@@ -81,7 +82,7 @@ impl<'a> Printer<'a> {
                     let part = f64::from(pressed) / f64::from(last.thickness);
                     (f64::from(cell.thickness) * part) as u32
                 });
-                thickest_near(least, cell.thickness, before, guess, strength)
+                thickest_near(least, cell.thickness, before, guess, snow.root(), strength)
             };
             above += pressed;
             match self.cells.get_mut(rank) {
