@@ -116,9 +116,8 @@ proptest! {
 
 #[test]
 fn few_looks_at_the_hardness_suffice() {
-    let roots: [(f32, fn(f32) -> f32); 3] =
-        [(2.0, f32::sqrt), (2.5, f32::sqrt), (3.92, |it| it.sqrt().sqrt())];
-    for (power, root) in roots {
+    for power in [2.0_f32, 2.5, 3.92] {
+        let root = if power < 3.0 { f32::sqrt } else { |it: f32| it.sqrt().sqrt() };
         let looks = Counter::new(0);
         let strength = |d: u32| {
             looks.set(looks.get() + 1);
@@ -127,5 +126,37 @@ fn few_looks_at_the_hardness_suffice() {
         let found = thickest_near(1000, CELL, strength(CELL), None, root, strength);
         assert!(found.abs_diff(4_000_000) <= 2, "{found}");
         assert!(looks.get() <= 13, "{power}: {} looks", looks.get());
+    }
+}
+
+#[test]
+fn another_load_or_another_column_is_not_taken_for_the_last() {
+    let (grid, material) =
+        (Grid::default(), Material { max_density: 400.0, ..Material::default() });
+    let cell = Cell { mass: 12 << 18, thickness: CELL, temperature: -3.0, stress: 0.0 };
+    let (column, load) = (vec![cell; 3], SurfaceLoad { pressure: 20_000.0, width: 0.2 });
+    let with = |other: Cell| vec![cell, other, cell];
+    let others = [
+        (column.clone(), SurfaceLoad { pressure: 40_000.0, ..load }),
+        (column.clone(), SurfaceLoad { width: 0.4, ..load }),
+        (with(Cell { mass: 11 << 18, ..cell }), load),
+        (with(Cell { thickness: CELL / 5, ..cell }), load),
+        (with(Cell { temperature: -5.0, ..cell }), load),
+        (vec![cell; 2], load),
+        (vec![cell; 4], load),
+    ];
+    let mut printer = Printer::new(&grid, &material);
+    let mut press = |cells: &[Cell], load: SurfaceLoad| {
+        let (mut ours, mut theirs) = (Column { cells: cells.to_vec() }, Column::default());
+        theirs.cells.extend(cells);
+        stamp_by_halvings(&mut theirs, &grid, &material, load);
+        printer.press(&mut ours, load, Coverage::WHOLE);
+        assert_eq!(ours, theirs, "{load:?} {cells:?}");
+        ours
+    };
+    let plain = press(&column, load);
+    for (cells, other) in others {
+        assert_ne!(press(&cells, other), plain, "{other:?} {cells:?}");
+        assert_eq!(press(&column, load), plain);
     }
 }
