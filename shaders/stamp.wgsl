@@ -19,6 +19,9 @@ var<immediate> work: Pass;
 
 // Shares of a column that is covered whole.
 const WHOLE: u32 = 64u;
+// Secants at the most, and quanta on each side of what they find within which halvings go on.
+const SECANTS: u32 = 8u;
+const AROUND: f32 = 16.0;
 
 // A cell that may be pressed.
 struct Cell {
@@ -30,37 +33,77 @@ struct Cell {
     top: bool,
 }
 
-// Whether a cell of a thickness carries what it feels of a load, or feels nothing of it.
-fn carries(session: Session, load: Stamp, cell: Cell, d: u32) -> bool {
-    let depth = (f32(cell.above) + 0.5 * f32(d)) * session.metres;
+// How many times over a cell of a thickness carries what is on it; often enough where it feels nothing of the load.
+fn strength(session: Session, load: Stamp, cell: Cell, d: f32) -> f32 {
+    let depth = (f32(cell.above) + 0.5 * d) * session.metres;
     let felt = load.pressure * spread(session.load_distribution, depth, load.width, cell.top);
     if felt <= 0.0 {
-        return true;
+        return 2.0;
     }
-    let density = cell.mass / f32(d) * session.density;
-    return hardness(session, vec4(density), vec4(cell.temperature)).x >= cell.weight + felt;
+    let density = cell.mass / d * session.density;
+    return hardness(session, vec4(density), vec4(cell.temperature)).x / (cell.weight + felt);
+}
+
+// What is about proportional to density: hardness goes about with its square, by Gold's law with its fourth power.
+fn root_of(session: Session, strength: f32) -> f32 {
+    let root = sqrt(strength);
+    if session.hardness_law == CALIBRATED || session.hardness_law == REGRESSION {
+        return root;
+    }
+    return sqrt(root);
 }
 
 // The largest thickness up to the present one at which the cell carries the load.
-fn pressed(session: Session, load: Stamp, cell: Cell, present: u32) -> u32 {
-    if carries(session, load, cell, present) {
+fn pressed(session: Session, load: Stamp, cell: Cell, present: f32) -> f32 {
+    let before = strength(session, load, cell, present);
+    if before >= 1.0 {
         return present;
     }
-    let densest = max(u32(ceil(cell.mass * session.densest)), 1u);
-    var low = min(densest, present);
-    if !carries(session, load, cell, low) {
-        return low;
-    }
+    let least = min(max(ceil(cell.mass * session.densest), 1.0), present);
+    // What counts as carrying, and the least that is known not to.
+    var low = least - 1.0;
     var high = present;
-    while high - low > 1u {
-        let middle = low + (high - low) / 2u;
-        if carries(session, load, cell, middle) {
+    // Over 1/d a root of the strength is nearly a line, and secants lead next to the thickness that is searched for.
+    var last = present;
+    var root = root_of(session, before);
+    var near = present * root;
+    for (var i = 0u; i < SECANTS && high - low > 1.0; i++) {
+        let here = clamp(floor(near), low + 1.0, high - 1.0);
+        let found = root_of(session, strength(session, load, cell, here));
+        if found >= 1.0 {
+            low = here;
+        } else {
+            high = here;
+        }
+        let slope = max((found - root) / (1.0 / here - 1.0 / last), 0.25 * here);
+        near = 1.0 / max(1.0 / here + (1.0 - found) / slope, 1.0 / present);
+        // What is left of the error is about the product of the last two.
+        let error = abs(near - here) * abs(here - last) / here;
+        last = here;
+        root = found;
+        if error < 0.25 * AROUND {
+            break;
+        }
+    }
+    for (var side = -1.0; side < 2.0; side += 2.0) {
+        let here = floor(near) + side * AROUND;
+        if here > low && here < high {
+            if strength(session, load, cell, here) >= 1.0 {
+                low = here;
+            } else {
+                high = here;
+            }
+        }
+    }
+    while high - low > 1.0 {
+        let middle = low + floor(0.5 * (high - low));
+        if strength(session, load, cell, middle) >= 1.0 {
             low = middle;
         } else {
             high = middle;
         }
     }
-    return low;
+    return max(low, least);
 }
 
 // Presses a column by a share of the way to where it carries a load; returns the dent.
@@ -74,7 +117,7 @@ fn press(session: Session, load: Stamp, base: u32, cells: u32, share: u32) -> u3
         let weight = GRAVITY * (f32(sum) * MASS_QUANTUM);
         let present = thickness[i];
         let cell = Cell(f32(mass[i]), temperature[i], weight, above, rank == 0u);
-        let d = pressed(session, load, cell, present);
+        let d = u32(pressed(session, load, cell, f32(present)));
         above += d;
         // A cell has at most 2^24 quanta, so that a share of them fits.
         let part = (present - d) * share / WHOLE;

@@ -34,18 +34,23 @@ pub(super) fn measured(
 ) -> Result<Measured, BenchError> {
     let nothing = || BenchError::Stuck { case: case.name(), what: "nothing was timed".into() };
     let took = Spread::of(frames.iter().map(|frame| frame.took).collect()).ok_or_else(nothing)?;
+    let parts = medians(frames.iter().map(|frame| frame.parts).collect());
+    let measured = Measured::new(case, sessions, grid, Clock::Wall, took);
+    Ok(Measured { parts: Some(parts), ..measured })
+}
+
+/// Medians of the parts of frames, or of their sums.
+pub(super) fn medians(all: Vec<FrameParts>) -> Parts {
     let part = |of: fn(&FrameParts) -> Duration| {
-        let times = frames.iter().map(|frame| of(&frame.parts)).collect();
+        let times = all.iter().map(of).collect();
         Spread::of(times).map_or(0.0, |spread| spread.median)
     };
-    let parts = Parts {
+    Parts {
         planning: part(|parts| parts.planning),
         submitting: part(|parts| parts.submitting),
         waiting: part(|parts| parts.waiting),
         concluding: part(|parts| parts.concluding),
-    };
-    let measured = Measured::new(case, sessions, grid, Clock::Wall, took);
-    Ok(Measured { parts: Some(parts), ..measured })
+    }
 }
 
 impl fmt::Display for Parts {

@@ -11,6 +11,7 @@ mod report;
 mod single;
 mod snowfall;
 mod spread;
+mod stamps;
 mod thesis;
 
 use firn_engine::frame::EngineError;
@@ -104,6 +105,7 @@ pub fn run(plan: &Plan, observe: &mut dyn FnMut(&str)) -> Result<Report, BenchEr
     }
     single::measure(plan, &mut report, observe)?;
     snowfall::measure(plan, &mut report, observe)?;
+    stamps::measure(plan, &mut report, observe)?;
     crowd::measure(plan, &mut report, observe)?;
     report.compare();
     Ok(report)

@@ -1,6 +1,6 @@
 //! Prints that loads press at once: the kernel beside its twin.
 
-use firn_engine::frame::Backend;
+use firn_engine::frame::{Backend, Edit, Work};
 use firn_snow::{CELL, Grid, LoadDistribution, Material};
 
 use crate::kernels::LAWS;
@@ -38,4 +38,36 @@ fn columns_are_stamped_as_in_the_reference() {
         assert!(u64::from(cells_apart.thickness) <= millimetre, "{cells_apart:?}");
     }
     assert!(pressed > u64::from(CELL) * 10, "a metre of dents in all");
+}
+
+#[test]
+fn a_batch_presses_as_its_stamps_do_one_after_another() {
+    let backends =
+        [Some(Box::new(cpu()) as Box<dyn Backend>), gpu(false).map(|it| Box::new(it) as _)];
+    for mut backend in backends.into_iter().flatten() {
+        let mut dice = Dice::new(12);
+        let grid = Grid { width: 61, depth: 45, height: 20, cell_size: 0.1 };
+        let material = Material { max_density: 300.0, ..Material::default() };
+        let snow = snow(&grid, grid.all(), 0.73, 40.0, -5.0);
+        let stamps: Vec<Edit> = (0..300).map(|_| any_stamp(&mut dice, &grid)).collect();
+        (0..3).for_each(|slot| backend.create(slot, &level(grid, material)).unwrap());
+        (0..3).for_each(|slot| drop(edit(&mut *backend, slot, vec![snow.clone()])));
+        let one = |stamp: &Edit| edit(&mut *backend, 0, vec![stamp.clone()]).edits[0];
+        let one_by_one: Vec<u64> = stamps.iter().map(one).collect();
+        let at_once = edit(&mut *backend, 1, stamps.clone());
+        assert_eq!(at_once.edits, one_by_one);
+        let limit = Some(20_000);
+        let mut parted =
+            work(&mut *backend, Work { slot: 2, edits: stamps, limit, ..Work::default() });
+        let mut frames = 1;
+        while parted.unfinished {
+            parted = work(&mut *backend, Work::resume(2, true, limit));
+            frames += 1;
+        }
+        assert!((5..100).contains(&frames), "{frames}");
+        assert_eq!(parted.edits, one_by_one);
+        let all = cells(&mut *backend, 0, &grid);
+        assert!(all == cells(&mut *backend, 1, &grid), "{:?}", backend.device());
+        assert!(all == cells(&mut *backend, 2, &grid), "{:?}", backend.device());
+    }
 }

@@ -58,24 +58,57 @@ impl Burden {
             return None;
         }
         let taken = u128::from(columns) * u128::from(mass);
-        let celsius = self.heat / self.mass as i128;
-        let temperature = celsius as f32 / DEGREE;
-        self.mass -= taken;
+        let temperature = (self.heat / self.mass as i128) as f32 / DEGREE;
+        let left = self.mass - taken;
+        // What is left keeps the temperature of all of it.
+        self.heat = self.heat * left as i128 / self.mass as i128;
         self.thickness -= u128::from(columns) * u128::from(thickness);
-        self.heat -= celsius * taken as i128;
-        if self.mass == 0 {
+        self.mass = left;
+        if left == 0 {
             *self = Burden::default();
         }
         Some(Cell { mass, thickness, temperature, stress: 0.0 })
     }
 
-    /// Whether it is not impossible.
+    /// Whether it is not impossible: neither more than a field of the highest columns holds, nor warmer than ice.
     pub fn is_sound(&self) -> bool {
-        let most = 1 << 100;
-        (self.mass == 0) == (self.thickness == 0)
-            && self.mass < most
-            && self.thickness < most
-            && self.heat <= 0
-            && self.heat >= -(self.mass as i128) * (300.0 * DEGREE) as i128
+        const MOST: u128 = 1 << 60;
+        const COLDEST: i128 = -300 * 256;
+        let Burden { mass, thickness, heat } = *self;
+        mass < MOST
+            && thickness < MOST
+            && (mass > 0 || thickness == 0)
+            && (mass as i128 * COLDEST..=0).contains(&heat)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_taken_and_what_is_left_are_all_of_it() {
+        let mut burden = Burden::of(7, 1_000_003, 5_000_001, -3.2);
+        burden.add(Burden::of(3, 999, 7, -11.7));
+        let all = burden;
+        let mut laid = Burden::default();
+        for (columns, of) in [(2, 10), (3, 8), (1, 5), (4, 4)] {
+            let Some(cell) = burden.take(columns, of) else { continue };
+            assert!((-3.3..=-3.1).contains(&cell.temperature), "{}", cell.temperature);
+            laid.mass += u128::from(columns) * u128::from(cell.mass);
+            laid.thickness += u128::from(columns) * u128::from(cell.thickness);
+            assert!(burden.is_sound(), "{burden:?}");
+        }
+        assert_eq!(laid.mass + burden.mass, all.mass);
+        assert_eq!(laid.thickness + burden.thickness, all.thickness);
+        assert!(burden.mass < 4);
+    }
+
+    #[test]
+    fn less_than_a_quantum_a_column_stays() {
+        let mut burden = Burden::of(1, 5, 9, -1.0);
+        assert_eq!(burden.take(3, 6), None);
+        assert_eq!(burden, Burden::of(1, 5, 9, -1.0));
+        assert_eq!(burden.take(0, 1), None, "no column is left");
     }
 }

@@ -6,11 +6,14 @@
 mod after;
 mod equilibrium;
 mod press;
+mod search;
 mod stamp;
 
 use super::grid::{CELL, Grid};
 use super::material::{GRAVITY, LoadDistribution, Material, REFERENCE_CELL_SIZE};
 use super::recut::recut;
+
+pub(crate) use stamp::Printer;
 
 /// One mass quantum \[kg/m²\].
 const MASS_QUANTUM: f32 = 1.0 / (1 << 18) as f32;
@@ -221,6 +224,7 @@ fn spread(distribution: LoadDistribution, depth: f32, width: f32, top: bool) -> 
 }
 
 /// The law by which a cell compacts, with its constants for one grid, material and Δt.
+#[derive(Debug)]
 pub(super) struct Compaction<'a> {
     material: &'a Material,
     /// Density \[kg/m³\] of one mass quantum in one thickness quantum.

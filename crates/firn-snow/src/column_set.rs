@@ -85,8 +85,13 @@ impl ColumnSet {
         for (&z, spans) in &self.rows {
             let mut next = BTreeMap::new();
             for &(x0, x1) in spans {
-                let above = open.remove(&(x0, x1)).filter(|rect| rect.z1 == z);
-                let z0 = above.map_or(z, |rect| rect.z0);
+                let z0 = match open.remove(&(x0, x1)) {
+                    Some(below) if below.z1 == z => below.z0,
+                    other => {
+                        done.extend(other);
+                        z
+                    }
+                };
                 next.insert((x0, x1), ColumnRect { x0, z0, x1, z1: z + 1 });
             }
             done.extend(open.into_values());

@@ -85,6 +85,11 @@ impl Coverage {
         places.zip(&self.shares).filter(|(_, share)| **share > 0).map(|(place, _)| place)
     }
 
+    /// How many columns are covered, in whole or in part.
+    pub fn covered(&self) -> u64 {
+        self.shares.iter().filter(|share| **share > 0).count() as u64
+    }
+
     /// The share of column (x, z), which must be among its columns.
     #[inline]
     pub fn share(&self, x: u32, z: u32) -> u32 {

@@ -81,17 +81,19 @@ impl Material {
     /// `shaders/shared/material.wgsl` computes the same in the same order.
     #[inline]
     pub fn hardness(&self, density: f32, temperature: f32) -> f32 {
+        self.strength(temperature).hardness(density)
+    }
+
+    /// What hardness owes to a temperature \[°C\]: for a look at many densities.
+    #[inline]
+    pub(crate) fn strength(&self, temperature: f32) -> Strength {
         match self.hardness_law {
-            HardnessLaw::Calibrated => {
-                let held = temperature.max(coldest_stiffening(density));
-                polynomial(density, held, 0.0, 0.260_723)
-            }
-            HardnessLaw::Regression => polynomial(density, temperature, 0.261_043, -0.000_32),
-            HardnessLaw::Gold => {
-                gold_prefactor(self.grain_size_mm)
-                    * (density / 20.0).powf(3.92)
-                    * (-0.063 * (temperature + 3.0)).exp()
-            }
+            HardnessLaw::Calibrated => Strength::Calibrated { temperature },
+            HardnessLaw::Regression => Strength::Regression { temperature },
+            HardnessLaw::Gold => Strength::Gold {
+                prefactor: gold_prefactor(self.grain_size_mm),
+                warmth: (-0.063 * (temperature + 3.0)).exp(),
+            },
         }
     }
 
@@ -99,6 +101,41 @@ impl Material {
     #[inline]
     pub fn stiffness(&self, density: f32) -> f32 {
         density.powf(self.stiffness_exponent as f32)
+    }
+}
+
+/// What hardness owes to temperature, and to the grains.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Strength {
+    Calibrated { temperature: f32 },
+    Regression { temperature: f32 },
+    Gold { prefactor: f32, warmth: f32 },
+}
+
+impl Strength {
+    /// Hardness \[Pa\] of snow of a density \[kg/m³\].
+    #[inline]
+    pub fn hardness(&self, density: f32) -> f32 {
+        match *self {
+            Strength::Calibrated { temperature } => {
+                let held = temperature.max(coldest_stiffening(density));
+                polynomial(density, held, 0.0, 0.260_723)
+            }
+            Strength::Regression { temperature } => {
+                polynomial(density, temperature, 0.261_043, -0.000_32)
+            }
+            Strength::Gold { prefactor, warmth } => {
+                prefactor * (density / 20.0).powf(3.92) * warmth
+            }
+        }
+    }
+
+    /// What makes of hardness something that is about proportional to density.
+    pub fn root(&self) -> fn(f32) -> f32 {
+        match self {
+            Strength::Calibrated { .. } | Strength::Regression { .. } => f32::sqrt,
+            Strength::Gold { .. } => |hardness| hardness.sqrt().sqrt(),
+        }
     }
 }
 

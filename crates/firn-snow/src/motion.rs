@@ -7,6 +7,9 @@ use super::grid::Grid;
 /// Most steps of a cycle.
 pub const MOST_STEPS: u32 = 64;
 
+/// How near to a point of its path an object has passed it \[m\]: sums of steps are rounded.
+const ARRIVED: f64 = 1e-9;
+
 /// Most points of a path.
 pub const MOST_PATH_POINTS: usize = 4096;
 
@@ -129,7 +132,8 @@ impl Body {
         let length = path_length(self.position, &self.motion.path);
         let turn = self.turn_left();
         let travel = length + turn.to_radians().abs() * self.radius();
-        let part = (1.0 / f64::from(left)).min(0.5 * grid.cell_size * (1.0 + 1e-9) / travel);
+        let (even, longest) = (1.0 / f64::from(left), 0.5 * grid.cell_size / travel);
+        let part = if even <= longest * (1.0 + 1e-9) { even } else { longest };
         if part < 1.0 {
             self.turn(turn * part);
             self.follow_path(length * part);
@@ -156,7 +160,7 @@ impl Body {
         for &[x, z] in &self.motion.path {
             let (dx, dz) = (x - self.position.x, z - self.position.z);
             let length = dx.hypot(dz);
-            if length > way {
+            if length > way + ARRIVED {
                 let part = way / length;
                 self.position.x += dx * part;
                 self.position.z += dz * part;

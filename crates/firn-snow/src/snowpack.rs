@@ -2,6 +2,7 @@
 
 mod collider;
 mod run;
+mod stamp;
 mod tile;
 
 use std::collections::{BTreeMap, BTreeSet, TryReserveError};
@@ -11,16 +12,15 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::body::Cover;
-use super::column::{Column, SurfaceLoad};
+use super::column::Column;
 use super::contact::Contact;
-use super::coverage::Coverage;
 use super::footprint::Footprint;
 use super::grid::{ColumnRect, Grid, TILE_COLUMNS};
 use super::material::Material;
 use super::pressing::Pressing;
 use super::sample::{Floor, Sample, sample_column};
 use collider::{Collider, Stand};
-use tile::{Edited, Tile};
+use tile::Tile;
 
 pub use run::Progress;
 
@@ -87,33 +87,19 @@ impl Snowpack {
     /// shelters; returns the mass quanta refused.
     pub fn deposit(&mut self, rect: ColumnRect, depth: u32, mass: u32, temperature: f32) -> u64 {
         let slots = self.grid.height;
-        let fall =
-            |column: &mut Column, _: (u32, u32)| column.deposit(slots, mass, depth, temperature);
-        self.edited(rect, |tile| tile.sheltered, fall).sum
+        let fall = |column: &mut Column| column.deposit(slots, mass, depth, temperature);
+        self.edit(rect, |tile| tile.sheltered, fall)
     }
 
     /// Lays snow on every column of a rectangle, under objects too; returns the mass quanta refused.
     pub fn lay(&mut self, rect: ColumnRect, depth: u32, mass: u32, temperature: f32) -> u64 {
         let slots = self.grid.height;
-        let lay =
-            |column: &mut Column, _: (u32, u32)| column.deposit(slots, mass, depth, temperature);
-        self.edited(rect, |_| 0, lay).sum
+        self.edit(rect, |_| 0, |column| column.deposit(slots, mass, depth, temperature))
     }
 
     /// Removes what is above a depth in quanta where no object stands; returns the mass quanta removed.
     pub fn clear(&mut self, rect: ColumnRect, depth: u32) -> u64 {
-        let clear = |column: &mut Column, _: (u32, u32)| column.clear(depth);
-        self.edited(rect, |tile| tile.stood_on, clear).sum
-    }
-
-    /// Presses some of the columns that an outline covers at once, each by its share of the way to where it
-    /// carries a load. Returns the largest dent in quanta.
-    pub fn stamp(&mut self, rect: ColumnRect, coverage: &Coverage, load: SurfaceLoad) -> u32 {
-        let (grid, material) = (self.grid, self.material);
-        let press = |column: &mut Column, (x, z): (u32, u32)| {
-            column.stamp(&grid, &material, load, coverage.share(x, z))
-        };
-        self.edited(rect, |_| 0, press).largest
+        self.edit(rect, |tile| tile.stood_on, |column| column.clear(depth))
     }
 
     /// Puts other ground under the snow of a tile, out of all columns' as in [`Snowpack::new`].
@@ -123,21 +109,19 @@ impl Snowpack {
         }
     }
 
-    /// Changes columns, each with its place, but for those that are `spared` of a tile.
-    fn edited(
+    /// Changes columns, but for those that are `spared` of a tile; returns the sum of what that returned.
+    fn edit(
         &mut self,
         rect: ColumnRect,
         spared: impl Fn(&Tile) -> u64 + Sync,
-        change: impl Fn(&mut Column, (u32, u32)) -> u32 + Sync,
-    ) -> Edited {
+        change: impl Fn(&mut Column) -> u32 + Sync,
+    ) -> u64 {
         self.list_loads();
         let tiles = rect.tiles();
         let rows = self.tiles.par_chunks_mut(self.grid.tiles_x() as usize);
         let rows = rows.skip(tiles.z0 as usize).take((tiles.z1 - tiles.z0) as usize);
         let touched = rows.flat_map(|row| &mut row[tiles.x0 as usize..tiles.x1 as usize]);
-        touched
-            .map(|tile| tile.edit(rect, spared(tile), &change))
-            .reduce(Edited::default, Edited::join)
+        touched.map(|tile| tile.edit(rect, spared(tile), |column, _| change(column)).sum).sum()
     }
 
     /// Puts an object on the snow, or replaces the one of that id. Where it is `placed`, the

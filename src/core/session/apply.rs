@@ -4,7 +4,7 @@ use firn_engine::frame::{Deposit, Edit, Stamp};
 use firn_snow::{Body, ColumnRect, ColumnSet, Material, columns_along};
 use std::sync::Arc;
 
-use crate::core::session::{Collider, Command, Counted, Kept, Orders, SessionState};
+use crate::core::session::{Collider, Command, Counted, Kept, Orders, SessionState, prints};
 
 /// What may move again after a command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,16 +38,9 @@ impl SessionState {
             Command::ClearPath { path, width, depth } => {
                 clear(&columns_along(&self.grid, path, *width), *depth, orders)
             }
+            // They were in the grid when this was decided.
             Command::Stamps(stamps) => {
-                let mut tiles = 0;
-                for stamping in stamps {
-                    // They were in the grid when this was decided.
-                    let Some(coverage) = stamping.coverage(&self.grid) else { continue };
-                    tiles += coverage.columns.tiles().columns();
-                    let stamp = Stamp { coverage, load: stamping.load() };
-                    orders.edits.push(Edit::Stamp(Arc::new(stamp)));
-                }
-                Disturbed { tiles: Some(tiles), all: false }
+                press(prints(stamps, &self.grid).into_iter().flatten(), orders)
             }
             Command::Settings { settings, stiffness_exponent } => {
                 let (old, new) = (self.settings, *settings);
@@ -131,6 +124,16 @@ impl SessionState {
         orders.edits.push(Edit::RemoveCollider { id });
         collider.reach.tiles
     }
+}
+
+/// Has prints pressed in the frame of some orders.
+pub(crate) fn press(prints: impl Iterator<Item = Arc<Stamp>>, orders: &mut Orders) -> Disturbed {
+    let mut tiles = 0;
+    for print in prints {
+        tiles += print.coverage.columns.tiles().columns();
+        orders.edits.push(Edit::Stamp(print));
+    }
+    Disturbed { tiles: Some(tiles), all: false }
 }
 
 /// Clears rectangles of columns to a depth in quanta.

@@ -3,6 +3,8 @@
 
 use std::sync::Arc;
 
+use firn_engine::frame::Stamp;
+use firn_engine::parallel;
 use firn_protocol::Settings;
 use firn_snow::{Body, ColumnRect, Coverage, Grid, Position, Shape, SurfaceLoad, Turn};
 use serde::{Deserialize, Serialize};
@@ -42,16 +44,18 @@ pub(crate) struct Stamping {
 }
 
 impl Stamping {
-    /// How much it covers of each column; `None` where that is nothing.
-    pub fn coverage(&self, grid: &Grid) -> Option<Coverage> {
-        Coverage::new(grid, &self.shape, self.position, Turn::new(self.heading))
-    }
-
-    /// The load, and how it spreads.
-    pub fn load(&self) -> SurfaceLoad {
+    /// What it presses; `None` where it covers nothing.
+    pub fn print(&self, grid: &Grid) -> Option<Arc<Stamp>> {
+        let coverage = Coverage::new(grid, &self.shape, self.position, Turn::new(self.heading))?;
         let width = self.shape.area().sqrt() as f32;
-        SurfaceLoad { pressure: self.pressure as f32, width }
+        let load = SurfaceLoad { pressure: self.pressure as f32, width };
+        Some(Arc::new(Stamp { coverage, load }))
     }
+}
+
+/// What each of many loads presses; `None` where it covers nothing.
+pub(crate) fn prints(stamps: &[Stamping], grid: &Grid) -> Vec<Option<Arc<Stamp>>> {
+    parallel::each(stamps.iter().collect(), |stamping: &Stamping| stamping.print(grid))
 }
 
 /// A command, and what its answer will say.

@@ -11,7 +11,7 @@ use firn_protocol::{MassView, SampleBatch, StepSpec};
 use crate::core::record::Once;
 use crate::core::session::{
     Answer, Applied, CellBox, Change, Command, Decision, Disturbed, Gather, Gathered, MOST_CHANGES,
-    MOST_SAMPLES, Receipted, Reply, Sampled, SessionError, Simulation,
+    MOST_SAMPLES, Receipted, Reply, Sampled, SessionError, Simulation, Told, press,
 };
 use crate::core::snapshot::Snapshot;
 
@@ -176,7 +176,14 @@ impl Simulation {
         let tick = self.state.clock.tick();
         match self.decide(&change, most_colliders) {
             Ok(Decision { command, told }) => {
-                self.carry_out(&command);
+                match &told {
+                    // It is known already what they cover.
+                    Told::Stamps(prints) => {
+                        let disturbed = press(prints.iter().cloned(), &mut self.next);
+                        self.disturbed(disturbed);
+                    }
+                    _ => self.carry_out(&command),
+                }
                 self.log.record(tick, command);
                 let edit = self.next.edits.len().saturating_sub(1);
                 self.next.replies.push(Reply::Change { told, edit, once, answer });
@@ -206,7 +213,12 @@ impl Simulation {
 
     /// Has the next frame carry out a command.
     pub(crate) fn carry_out(&mut self, command: &Command) {
-        let Disturbed { tiles, all } = self.state.apply(command, &mut self.next);
+        let disturbed = self.state.apply(command, &mut self.next);
+        self.disturbed(disturbed);
+    }
+
+    /// Notes what may move again.
+    fn disturbed(&mut self, Disturbed { tiles, all }: Disturbed) {
         if let Some(tiles) = tiles {
             self.disturb(tiles);
         }

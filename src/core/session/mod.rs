@@ -32,13 +32,13 @@ mod turn;
 mod weak;
 
 pub(crate) use answer::{Answer, Place, WaitingRoom};
-pub(crate) use apply::Disturbed;
+pub(crate) use apply::{Disturbed, press};
 pub(crate) use burden::Carried;
 pub use change::{Applied, Change};
 pub(crate) use charge::{Bill, Charge, who_waits};
 pub(crate) use clock::ticks_between;
 pub use clock::{Advance, Clock, FRAME_RATE};
-pub(crate) use command::{Command, Decision, Kept, Stamping};
+pub(crate) use command::{Command, Decision, Kept, Stamping, prints};
 pub use error::{Check, Invalid, SessionError};
 pub(crate) use falling::{Falling, Snowing};
 pub use gather::{CellBox, Gathered, Ledger, MOST_SAMPLES, Sampled};

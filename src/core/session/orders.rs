@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use firn_engine::frame::{ColumnRead, Edit, SampleBox};
+use firn_engine::frame::{ColumnRead, Edit, SampleBox, Stamp};
 use firn_protocol::{BatchResults, MassView, SampleBatch};
-use firn_snow::{Cell, ColumnRect, Coverage};
+use firn_snow::{Cell, ColumnRect};
 
 use crate::core::record::Once;
 use crate::core::session::{
@@ -102,8 +102,8 @@ pub(crate) enum Told {
         id: Arc<str>,
         created: bool,
     },
-    /// What each stamp covers.
-    Stamps(Vec<Coverage>),
+    /// What each stamp presses.
+    Stamps(Vec<Arc<Stamp>>),
     /// What was done of each entry, where errors are skipped.
     Batch(Option<Box<BatchResults>>),
     Settings,

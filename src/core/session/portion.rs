@@ -182,7 +182,7 @@ fn units_of(edit: &Edit, grid: &Grid) -> u64 {
     match edit {
         Edit::Deposit(fall) | Edit::Lay(fall) => FALL * fall.columns.columns(),
         Edit::Clear { columns, .. } => FALL * columns.columns(),
-        Edit::Stamp(stamp) => stamp.coverage.columns.columns() * u64::from(grid.height),
+        Edit::Stamp(stamp) => stamp.units(grid.height),
         Edit::PutCollider { collider, .. } => 1 + collider.columns(),
         Edit::RemoveCollider { .. } => 1,
         Edit::SetGround(_) => GROUND * grid.columns(),

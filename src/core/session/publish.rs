@@ -3,13 +3,14 @@
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
-use firn_engine::frame::WorkOutcome;
+use firn_engine::frame::{Stamp as Print, WorkOutcome};
+use firn_engine::parallel;
 use firn_engine::published::TileColumns;
 use firn_protocol::{
     AirTemperatureReply, BatchReply, ClearingReply, ColliderReply, ColliderView, Event, PrintView,
     SnowfallReply, Stamp, StampReply,
 };
-use firn_snow::{Contact, Coverage, Elevation, Grid, TILE_COLUMNS};
+use firn_snow::{Contact, Elevation, Grid, TILE_COLUMNS};
 
 use crate::core::record::{Done, Taken};
 use crate::core::session::{
@@ -282,16 +283,17 @@ impl Simulation {
                     Err(_) => Applied::Stamp(stamp),
                 }
             }
-            Told::Stamps(covered) => {
+            Told::Stamps(prints) => {
                 let mirror = self.session.mirror();
                 let surface = Surface::new(&mirror);
-                let dents = found.get(found.len().saturating_sub(covered.len())..);
-                let prints = covered.iter().zip(dents.unwrap_or_default());
-                let view = |(coverage, dent): (&Coverage, &u64)| PrintView {
+                let dents = found.get(found.len().saturating_sub(prints.len())..);
+                let prints = prints.iter().zip(dents.unwrap_or_default());
+                let view = |(print, dent): (&Arc<Print>, &u64)| PrintView {
                     depth: grid.metres(*dent),
-                    bottom: surface.lowest(coverage),
+                    bottom: surface.lowest(&print.coverage),
                 };
-                Applied::Stamps(StampReply { stamp, stamps: prints.map(view).collect() })
+                let stamps = parallel::each(prints.collect(), view);
+                Applied::Stamps(StampReply { stamp, stamps })
             }
             Told::Batch(results) => {
                 Applied::Batch(BatchReply { stamp, results: results.clone().map(|it| *it) })

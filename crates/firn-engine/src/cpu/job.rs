@@ -93,7 +93,7 @@ impl Job {
             return Some(units);
         }
         if self.edit < self.edits.len() {
-            return Some(self.go_on_editing(snowpack));
+            return Some(self.go_on_editing(snowpack, most));
         }
         if self.moving.is_some() {
             self.go_on_moving(snowpack);
@@ -185,7 +185,7 @@ impl Job {
 
     /// Goes on with the edit that is under way: a row of tiles of what falls or is cleared, a tile of what
     /// is restored or gets other ground, all of any other.
-    fn go_on_editing(&mut self, snowpack: &mut Snowpack) -> u64 {
+    fn go_on_editing(&mut self, snowpack: &mut Snowpack, most: u64) -> u64 {
         let edit = &self.edits[self.edit];
         // The depth an object sinks counts from where it was put, not from later snow.
         if self.put && edit.columns().is_some() {
@@ -193,6 +193,10 @@ impl Job {
             self.progress = Some(snowpack.begin_evaluation());
             return 1;
         }
+        if let Some(units) = self.stamp_many(snowpack, most) {
+            return units;
+        }
+        let edit = &self.edits[self.edit];
         self.put |= matches!(edit, Edit::PutCollider { .. });
         if self.next == 0 {
             self.outcome.edits.push(0);
@@ -216,9 +220,9 @@ impl Job {
             Edit::Stamp(stamp) => {
                 let columns = stamp.coverage.columns;
                 let part = row_of(columns, next);
-                let dent = u64::from(snowpack.stamp(part, &stamp.coverage, stamp.load));
+                let dents = snowpack.stamp(part, &[(&stamp.coverage, stamp.load)]);
                 let units = part.columns() * u64::from(snowpack.grid().height);
-                (dent, units, rows_of(columns))
+                (dents.iter().sum::<u32>().into(), units, rows_of(columns))
             }
             Edit::PutCollider { id, collider, placed } => {
                 let footprints = collider.footprints.clone();
@@ -262,6 +266,30 @@ impl Job {
             (self.edit, self.next) = (self.edit + 1, 0);
         }
         units
+    }
+
+    /// Carries out the stamps that follow each other, as many as fit, all at once. Returns their units; nothing where
+    /// there are not several.
+    fn stamp_many(&mut self, snowpack: &mut Snowpack, most: u64) -> Option<u64> {
+        let height = snowpack.grid().height;
+        let (mut units, mut stamps) = (0, Vec::new());
+        for edit in &self.edits[self.edit..] {
+            let Edit::Stamp(stamp) = edit else { break };
+            let own = stamp.units(height);
+            if units + own > most {
+                break;
+            }
+            units += own;
+            stamps.push((&stamp.coverage, stamp.load));
+        }
+        if self.next > 0 || stamps.len() < 2 {
+            return None;
+        }
+        let all = snowpack.grid().all();
+        let dents = snowpack.stamp(all, &stamps);
+        self.edit += dents.len();
+        self.outcome.edits.extend(dents.into_iter().map(u64::from));
+        Some(units)
     }
 
     /// What came of all of it, and the heights of the tiles that changed where it publishes.

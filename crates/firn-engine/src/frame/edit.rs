@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use firn_snow::{ColumnRect, Contact, Cover, Coverage, Footprint, Grid, Material, SurfaceLoad};
+use firn_snow::{
+    ColumnRect, Contact, Cover, Coverage, Footprint, Grid, Material, SurfaceLoad, TILE_SIDE,
+};
 
 use super::TileCells;
 
@@ -122,6 +124,24 @@ pub struct Stamp {
     pub coverage: Coverage,
     /// The load.
     pub load: SurfaceLoad,
+}
+
+impl Stamp {
+    /// Units that it costs where columns have so many slots: their cells.
+    pub fn units(&self, height: u32) -> u64 {
+        self.coverage.covered() * u64::from(height)
+    }
+
+    /// The same of those in a row of tiles.
+    pub fn units_in(&self, row: u32, height: u32) -> u64 {
+        let Coverage { columns, shares } = &self.coverage;
+        let place = |z: u32| {
+            let z = z.clamp(columns.z0, columns.z1) - columns.z0;
+            z as usize * (columns.x1 - columns.x0) as usize
+        };
+        let shares = &shares[place(row * TILE_SIDE)..place((row + 1) * TILE_SIDE)];
+        shares.iter().filter(|share| **share > 0).count() as u64 * u64::from(height)
+    }
 }
 
 /// An object's load and where it stands.

@@ -2,6 +2,7 @@
 //! does the same on the reference.
 
 mod part;
+mod rows;
 mod steps;
 
 use std::collections::VecDeque;

@@ -48,12 +48,6 @@ pub(super) struct Edited {
     pub largest: u32,
 }
 
-impl Edited {
-    pub fn join(self, other: Edited) -> Edited {
-        Edited { sum: self.sum + other.sum, largest: self.largest.max(other.largest) }
-    }
-}
-
 impl Tile {
     /// Bytes of a tile without snow.
     pub const BYTES: u64 = (size_of::<Tile>() + COLUMNS * size_of::<Column>()) as u64;
@@ -96,10 +90,10 @@ impl Tile {
         &mut self,
         rect: ColumnRect,
         spared: u64,
-        change: impl Fn(&mut Column, (u32, u32)) -> u32,
+        mut change: impl FnMut(&mut Column, (u32, u32)) -> u32,
     ) -> Edited {
         let mut edited = Edited::default();
-        for (x, z) in positions(self.rect).filter(|&(x, z)| rect.contains(x, z)) {
+        for (x, z) in self.rect.overlap(&rect).into_iter().flat_map(positions) {
             let index = column_index(x, z);
             if spared >> index & 1 == 1 {
                 continue;

@@ -4,7 +4,7 @@ use firn_protocol::{StampBatch, StampSpec};
 use firn_snow::{Coverage, GRAVITY, Grid, Shape, Turn};
 
 use crate::core::session::{
-    Check, Command, Decision, Invalid, SessionError, SessionState, Stamping, Told,
+    Check, Command, Decision, Invalid, SessionError, SessionState, Stamping, Told, prints,
 };
 
 /// Most stamps of a batch.
@@ -34,16 +34,15 @@ impl SessionState {
         }
         check.finish()?;
         let mut check = Check::default();
-        let covered = (0..).zip(&stamps).filter_map(|(i, stamp)| {
-            let coverage = stamp.coverage(&self.grid);
-            if coverage.is_none() {
+        let prints = (0..).zip(prints(&stamps, &self.grid)).filter_map(|(i, print)| {
+            if print.is_none() {
                 check.reject(format!("/stamps/{i}/position"), outside(&self.grid));
             }
-            coverage
+            print
         });
-        let covered = covered.collect();
+        let prints = prints.collect();
         check.finish()?;
-        Ok(Decision { command: Command::Stamps(stamps), told: Told::Stamps(covered) })
+        Ok(Decision { command: Command::Stamps(stamps), told: Told::Stamps(prints) })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use firn_snow::{ColumnRect, TILE_COLUMNS};
+use firn_snow::TILE_COLUMNS;
 
 use crate::frame::{Edit, Run, contact_units};
 use crate::gpu::resident::Resident;
@@ -12,7 +12,7 @@ use super::part::{Part, Step, When};
 use super::{Job, Stage};
 
 /// Units of a tile on which snow falls, for each of its cells.
-const EDIT: u64 = 2;
+pub(super) const EDIT: u64 = 2;
 
 /// Units of writing the ground of a tile.
 const GROUND: u64 = 4 * TILE_COLUMNS as u64;
@@ -73,10 +73,9 @@ impl Job {
                     self.enter(Stage::Objects);
                     return false;
                 };
-                let row = cells * u64::from(tiles.x1 - tiles.x0) * EDIT;
                 self.next = self.next.max(tiles.z0);
-                let range = self.take(most, row, tiles.z1);
-                part.add(row * range.len() as u64, Step::Snow(range));
+                let (range, units) = self.take_rows(resident, most, tiles);
+                part.add(units, Step::Snow(range));
                 if self.next == tiles.z1 {
                     self.enter(Stage::Objects);
                 }
@@ -220,17 +219,6 @@ impl Job {
         first..self.next
     }
 
-    /// The smallest rectangle of tiles in which the round changes snow, if it does anywhere.
-    fn snowed(&self) -> Option<ColumnRect> {
-        let tiles = |(_, edit): &(u32, Edit)| Some(edit.columns()?.tiles());
-        self.round().iter().filter_map(tiles).reduce(|all, own| ColumnRect {
-            x0: all.x0.min(own.x0),
-            z0: all.z0.min(own.z0),
-            x1: all.x1.max(own.x1),
-            z1: all.z1.max(own.z1),
-        })
-    }
-
     fn touch(&mut self, resident: &Resident, most: u64, when: When, then: Stage, part: &mut Part) {
         self.tell_cycles(part);
         let (first, mut units, mut row) = (self.next, 0, 0);
@@ -330,7 +318,7 @@ impl Job {
 }
 
 /// Cells of a tile.
-fn cells_of(resident: &Resident) -> u64 {
+pub(super) fn cells_of(resident: &Resident) -> u64 {
     u64::from(TILE_COLUMNS * resident.layout.grid.height)
 }
 

@@ -27,21 +27,25 @@ struct Edited {
     colliders: u32,
 }
 
-/// Tiles whose snow is changed, each with the rows of what changes it.
+/// Tiles whose snow is changed, each with the row of what changes it, in the order of the rows.
 #[derive(Default)]
 pub(super) struct Changed {
     /// By snow that falls or is cleared.
-    pub(super) snowed: BTreeMap<u32, Vec<u32>>,
+    pub(super) snowed: Vec<(u32, u32)>,
     /// By stamps.
-    pub(super) stamped: BTreeMap<u32, Vec<u32>>,
+    pub(super) stamped: Vec<(u32, u32)>,
 }
 
 impl Changed {
-    /// Notes that the tiles may wake, and that their stress is to be evaluated. Returns them.
-    fn note(self, resident: &mut Resident) -> (BTreeMap<u32, Vec<u32>>, BTreeMap<u32, Vec<u32>>) {
-        for tiles in [&self.snowed, &self.stamped] {
-            resident.unweighed.extend(tiles.keys().copied());
-            resident.wake(tiles.keys().copied());
+    /// Sorts them by tiles. Notes that these may wake, and that their stress is to be evaluated. Returns
+    /// them.
+    fn note(mut self, resident: &mut Resident) -> (Vec<(u32, u32)>, Vec<(u32, u32)>) {
+        for changes in [&mut self.snowed, &mut self.stamped] {
+            changes.sort_unstable();
+            let mut tiles: Vec<u32> = changes.iter().map(|&(tile, _)| tile).collect();
+            tiles.dedup();
+            resident.unweighed.extend(tiles.iter().copied());
+            resident.wake(tiles.into_iter());
         }
         (self.snowed, self.stamped)
     }
@@ -250,9 +254,7 @@ impl Planner<'_> {
             }
             _ => return,
         };
-        for tile in tiles_in(part, resident.row.tiles_x) {
-            tiles.entry(tile).or_default().push(row);
-        }
+        tiles.extend(tiles_in(part, resident.row.tiles_x).map(|tile| (tile, row)));
     }
 
     /// Has the snow changed on some rows of tiles, by edits each with the number of its result.
@@ -287,13 +289,17 @@ impl Planner<'_> {
     pub(super) fn edit_jobs(
         &mut self,
         resident: &Resident,
-        snowed: BTreeMap<u32, Vec<u32>>,
+        changes: Vec<(u32, u32)>,
         jobs: &mut Vec<(u32, EditJob)>,
     ) {
         let rows = &mut self.tables.orders.operation_lists;
-        let mut lists: HashMap<Vec<u32>, u32> = HashMap::new();
-        for (tile, list) in snowed {
-            let operations = list.len() as u32;
+        let all: Vec<u32> = changes.iter().map(|&(_, row)| row).collect();
+        let mut left = &all[..];
+        let mut lists: HashMap<&[u32], u32> = HashMap::new();
+        for changes in changes.chunk_by(|a, b| a.0 == b.0) {
+            let (tile, operations) = (changes[0].0, changes.len() as u32);
+            let (list, others) = left.split_at(changes.len());
+            left = others;
             let first_operation = *lists.entry(list).or_insert_with_key(|list| {
                 rows.extend(list.iter().copied());
                 rows.len() - operations

@@ -186,6 +186,7 @@ impl Planner<'_> {
                 other => moved |= self.alter(moving.slot, resident, other, &mut stressed),
             }
         }
+        changed.snowed.sort_unstable();
         self.edit_jobs(resident, changed.snowed, &mut step.edit_jobs);
         if moved {
             moving.marked.extend(resident.list_loads());
