@@ -79,7 +79,7 @@ export interface components {
             delete: components["schemas"]["BatchResult"][];
         };
         /** @description A rigid, level object that stands on the snow. */
-        Body: {
+        Body: components["schemas"]["Motion"] & {
             /** @description Mass [kg]. */
             mass: number;
             shape?: components["schemas"]["Shape"] | null;
@@ -91,6 +91,8 @@ export interface components {
             heading: number;
             /** @description Whether it is held up and does not press the snow. */
             airborne: boolean;
+            /** @description Whether snow that falls on its columns lies on it, not under it. */
+            shelters: boolean;
         };
         /** @description A cell of the fixed grid. */
         CellOrigin: {
@@ -213,6 +215,23 @@ export interface components {
             heading?: number | null;
             /** @description Whether it is held up. */
             airborne?: boolean | null;
+            /** @description Whether snow that falls on its columns lies on it. */
+            shelters?: boolean | null;
+            velocity?: components["schemas"]["Position"] | null;
+            /** @description How fast it turns [°/s], clockwise from above. */
+            turn_rate?: number | null;
+            /**
+             * @description Points [x, z] [m] that it passes, in order, from where it is; then it stays, or goes on with a velocity that
+             *     comes along. It comes with `over`.
+             */
+            path?: number[][] | null;
+            /** @description Simulated time that it takes for the path [s], at 100 m/s at the most. */
+            over?: number | null;
+            /**
+             * @description Whether it is swept to the new position, and turned to the new heading, in the next cycle, rather than lifted
+             *     there: it leaves a track without gaps. What is more than 32 columns away takes several cycles.
+             */
+            sweep?: boolean;
         };
         /** @description Creates, replaces or moves a collider, as PUT …/colliders/{cid}. */
         ColliderPutMessage: {
@@ -246,6 +265,22 @@ export interface components {
             heading?: number;
             /** @description Whether it is held up and does not press the snow. */
             airborne?: boolean;
+            /** @description Whether snow that falls on its columns lies on it, as its burden, rather than falls through it. */
+            shelters?: boolean;
+            /**
+             * @description Velocity along x and z [m/s], 100 m/s at the most. The world moves the object until it is told otherwise or
+             *     is at the edge of the grid.
+             */
+            velocity?: components["schemas"]["Position"];
+            /** @description How fast it turns [°/s], clockwise from above. */
+            turn_rate?: number;
+            /**
+             * @description Points [x, z] [m] that it passes, in order, from its position on; then it goes on with its velocity. It comes
+             *     with `over`.
+             */
+            path?: number[][] | null;
+            /** @description Simulated time that it takes for the path [s], at 100 m/s at the most. */
+            over?: number | null;
         };
         /** @description An object on the snow and how it stands there. */
         ColliderView: components["schemas"]["Body"] & {
@@ -262,6 +297,8 @@ export interface components {
             contact_area: number;
             /** @description Pressure on the area in contact [Pa]. */
             pressure: number;
+            /** @description Mass of the snow that lies on it [kg]. */
+            burden: number;
             /** @description Whether its bottom and contact stayed as they were over the last cycle. */
             resting: boolean;
         };
@@ -652,7 +689,9 @@ export interface components {
             refused: number;
             /** @description Mass that was cleared [kg]. */
             cleared: number;
-            /** @description fallen − refused − cleared − present, in quanta of 2⁻¹⁸ kg/m² in one column: always 0. */
+            /** @description Mass that lies on objects [kg]. */
+            carried: number;
+            /** @description fallen − refused − cleared − present − carried, in quanta of 2⁻¹⁸ kg/m² in one column: always 0. */
             imbalance_quanta: number;
         };
         /** @description Material constants of one snowpack. */
@@ -701,6 +740,19 @@ export interface components {
             journal: number;
             /** @description Tiles encoded for its streams, and the buffers of those that are open. */
             streams: number;
+        };
+        /** @description How an object moves: along its path while it has one, then with its velocity. */
+        Motion: {
+            /** @description Velocity along x and z [m/s]; absent where it is 0. */
+            velocity: components["schemas"]["Position"];
+            /** @description How fast it turns [°/s], clockwise from above; absent where it is 0. */
+            turn_rate: number;
+            /** @description Points [x, z] [m] that it still has to pass, in order; absent where there are none. */
+            path: number[][];
+            /** @description Its speed along the path [m/s]; absent where it is swept to the end in the next cycle. */
+            speed: number | null;
+            /** @description Heading that it has at the end of the path [°], where it is swept to another. */
+            turn_to: number | null;
         };
         /**
          * @description What a batch does if one of its entries is invalid.
@@ -1532,6 +1584,7 @@ export type MassView = components['schemas']['MassView'];
 export type Material = components['schemas']['Material'];
 export type MaterialSpec = components['schemas']['MaterialSpec'];
 export type MemoryBytes = components['schemas']['MemoryBytes'];
+export type Motion = components['schemas']['Motion'];
 export type OnError = components['schemas']['OnError'];
 export type Origin = components['schemas']['Origin'];
 export type Page_ColliderView = components['schemas']['Page_ColliderView'];

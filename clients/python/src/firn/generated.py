@@ -75,26 +75,6 @@ class BatchResults(TypedDict):
     """One for each entry of `delete`, in their order."""
 
 
-class Body(TypedDict):
-    """A rigid, level object that stands on the snow."""
-
-    mass: float
-    """Mass [kg]."""
-
-    shape: NotRequired[Shape | None]
-    footprints: NotRequired[list[Part]]
-    """The outlines on which it stands, where it is not one `shape`."""
-
-    position: Position
-    """Where its centre is [m]."""
-
-    heading: float
-    """Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east)."""
-
-    airborne: bool
-    """Whether it is held up and does not press the snow."""
-
-
 class CellOrigin(TypedDict):
     """A cell of the fixed grid."""
 
@@ -221,6 +201,28 @@ class ColliderPatch(TypedDict):
     airborne: NotRequired[bool | None]
     """Whether it is held up."""
 
+    shelters: NotRequired[bool | None]
+    """Whether snow that falls on its columns lies on it."""
+
+    velocity: NotRequired[Position | None]
+    turn_rate: NotRequired[float | None]
+    """How fast it turns [°/s], clockwise from above."""
+
+    path: NotRequired[list[list[float]] | None]
+    """
+    Points [x, z] [m] that it passes, in order, from where it is; then it stays, or goes on with a velocity that
+    comes along. It comes with `over`.
+    """
+
+    over: NotRequired[float | None]
+    """Simulated time that it takes for the path [s], at 100 m/s at the most."""
+
+    sweep: NotRequired[bool]
+    """
+    Whether it is swept to the new position, and turned to the new heading, in the next cycle, rather than lifted
+    there: it leaves a track without gaps. What is more than 32 columns away takes several cycles.
+    """
+
 
 class ColliderPutMessage(TypedDict):
     """Creates, replaces or moves a collider, as PUT …/colliders/{cid}."""
@@ -260,30 +262,26 @@ class ColliderSpec(TypedDict):
     airborne: NotRequired[bool]
     """Whether it is held up and does not press the snow."""
 
+    shelters: NotRequired[bool]
+    """Whether snow that falls on its columns lies on it, as its burden, rather than falls through it."""
 
-class ColliderView(Body):
-    """An object on the snow and how it stands there."""
-
-    id: str
-    """Its name."""
-
-    bottom: float
-    """Elevation of its bottom [m]."""
-
-    sink_depth: float
+    velocity: NotRequired[Position]
     """
-    How far its bottom is below the highest of its columns at the time it was placed or last
-    moved [m].
+    Velocity along x and z [m/s], 100 m/s at the most. The world moves the object until it is told otherwise or
+    is at the edge of the grid.
     """
 
-    contact_area: float
-    """Area in contact [m²]; 0 while it is held up, as is its pressure."""
+    turn_rate: NotRequired[float]
+    """How fast it turns [°/s], clockwise from above."""
 
-    pressure: float
-    """Pressure on the area in contact [Pa]."""
+    path: NotRequired[list[list[float]] | None]
+    """
+    Points [x, z] [m] that it passes, in order, from its position on; then it goes on with its velocity. It comes
+    with `over`.
+    """
 
-    resting: bool
-    """Whether its bottom and contact stayed as they were over the last cycle."""
+    over: NotRequired[float | None]
+    """Simulated time that it takes for the path [s], at 100 m/s at the most."""
 
 
 class CollidersBatchMessage(TypedDict):
@@ -762,6 +760,76 @@ class MemoryBytes(TypedDict):
 
     streams: int
     """Tiles encoded for its streams, and the buffers of those that are open."""
+
+
+class Motion(TypedDict):
+    """How an object moves: along its path while it has one, then with its velocity."""
+
+    velocity: Position
+    """Velocity along x and z [m/s]; absent where it is 0."""
+
+    turn_rate: float
+    """How fast it turns [°/s], clockwise from above; absent where it is 0."""
+
+    path: list[list[float]]
+    """Points [x, z] [m] that it still has to pass, in order; absent where there are none."""
+
+    speed: float | None
+    """Its speed along the path [m/s]; absent where it is swept to the end in the next cycle."""
+
+    turn_to: float | None
+    """Heading that it has at the end of the path [°], where it is swept to another."""
+
+
+class Body(Motion):
+    """A rigid, level object that stands on the snow."""
+
+    mass: float
+    """Mass [kg]."""
+
+    shape: NotRequired[Shape | None]
+    footprints: NotRequired[list[Part]]
+    """The outlines on which it stands, where it is not one `shape`."""
+
+    position: Position
+    """Where its centre is [m]."""
+
+    heading: float
+    """Compass bearing of its front [°]: 0 along +z (north), 90 along +x (east)."""
+
+    airborne: bool
+    """Whether it is held up and does not press the snow."""
+
+    shelters: bool
+    """Whether snow that falls on its columns lies on it, not under it."""
+
+
+class ColliderView(Body):
+    """An object on the snow and how it stands there."""
+
+    id: str
+    """Its name."""
+
+    bottom: float
+    """Elevation of its bottom [m]."""
+
+    sink_depth: float
+    """
+    How far its bottom is below the highest of its columns at the time it was placed or last
+    moved [m].
+    """
+
+    contact_area: float
+    """Area in contact [m²]; 0 while it is held up, as is its pressure."""
+
+    pressure: float
+    """Pressure on the area in contact [Pa]."""
+
+    burden: float
+    """Mass of the snow that lies on it [kg]."""
+
+    resting: bool
+    """Whether its bottom and contact stayed as they were over the last cycle."""
 
 
 OnError: TypeAlias = Literal["refuse", "skip"]
@@ -1546,8 +1614,11 @@ class MassView(Stamp):
     cleared: float
     """Mass that was cleared [kg]."""
 
+    carried: float
+    """Mass that lies on objects [kg]."""
+
     imbalance_quanta: int
-    """fallen − refused − cleared − present, in quanta of 2⁻¹⁸ kg/m² in one column: always 0."""
+    """fallen − refused − cleared − present − carried, in quanta of 2⁻¹⁸ kg/m² in one column: always 0."""
 
 
 class ProbeReply(Stamp):
