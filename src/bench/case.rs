@@ -37,6 +37,8 @@ pub enum Case {
     /// 2048²×50 with 1 m of snow at rest, on which 1 m falls in an hour: the average of 169 frames, in which
     /// every column gets what is deposited at once
     Snowfall,
+    /// 1000²×16 with fresh snow of 6.5 cells, over which 200 objects move by themselves at 10 m/s: frames at 60 Hz
+    Objects,
     /// 1000²×16 with fresh snow of 6.5 cells, into which 4096 feet are pressed by one request: from the request to
     /// the answer
     Stamps,
@@ -89,6 +91,7 @@ impl Case {
             Case::Vehicle => "vehicle",
             Case::VehicleAwake => "vehicle-awake",
             Case::Snowfall => "snowfall",
+            Case::Objects => "objects",
             Case::Stamps => "stamps",
             Case::Create => "create",
         }
@@ -108,6 +111,7 @@ impl Case {
             Case::CrowdPublished => (Quantity::Seconds, 15e-3),
             Case::CrowdRest | Case::Snowfall => (Quantity::Seconds, 0.3e-3),
             Case::Vehicle | Case::VehicleAwake => (Quantity::Seconds, 0.15e-3),
+            Case::Objects => (Quantity::Seconds, 1.0 / 60.0),
             Case::Stamps => (Quantity::Seconds, 3e-3),
             Case::Create => (Quantity::Seconds, 5e-3),
         }

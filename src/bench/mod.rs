@@ -7,6 +7,7 @@ mod crowd;
 mod field;
 mod frames;
 mod host;
+mod objects;
 mod report;
 mod single;
 mod snowfall;
@@ -105,6 +106,7 @@ pub fn run(plan: &Plan, observe: &mut dyn FnMut(&str)) -> Result<Report, BenchEr
     }
     single::measure(plan, &mut report, observe)?;
     snowfall::measure(plan, &mut report, observe)?;
+    objects::measure(plan, &mut report, observe)?;
     stamps::measure(plan, &mut report, observe)?;
     crowd::measure(plan, &mut report, observe)?;
     report.compare();

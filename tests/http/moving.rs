@@ -11,6 +11,7 @@ on_each_backend!(
     an_object_follows_a_path_in_the_time_it_is_told,
     a_sweep_leaves_a_track_where_a_lift_leaves_none,
     what_moves_is_the_same_however_it_is_stepped,
+    a_track_is_as_deep_at_any_tick_rate,
     an_object_stops_at_the_edge,
     a_way_that_can_not_be_taken_is_refused,
 );
@@ -162,6 +163,28 @@ async fn what_moves_is_the_same_however_it_is_stepped(backend: BackendChoice) {
     }
     assert_eq!(states[0], states[1]);
     assert_eq!(states[0], states[2]);
+    server.stop().await;
+}
+
+async fn a_track_is_as_deep_at_any_tick_rate(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let mut depths = Vec::new();
+    for tick_rate in [20, 240] {
+        let mut session = soft();
+        session["tick_rate"] = json!(tick_rate);
+        session["pressing"] = json!(0.25);
+        let path = server.create(session).await;
+        let skier = json!({"mass": 80, "shape": {"type": "box", "width": 0.1, "depth": 1.8},
+            "position": {"x": 1.05, "z": 1.0}, "heading": 90, "velocity": {"x": 10, "z": 0}});
+        server.put(&format!("{path}/colliders/ski"), skier).await.expect(201);
+        server.step(&path, tick_rate * 9 / 20).await;
+        let dents = dents(&server, &path).await;
+        let track = &dents[24..42];
+        let mean = track.iter().sum::<f64>() / track.len() as f64;
+        assert!(track.iter().all(|dent| *dent > 0.8 * mean), "{tick_rate} Hz: {track:?}");
+        depths.push(mean);
+    }
+    assert!(depths[0] > 0.03 && (depths[0] / depths[1] - 1.0).abs() < 0.1, "{depths:?}");
     server.stop().await;
 }
 

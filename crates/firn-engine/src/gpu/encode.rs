@@ -58,6 +58,8 @@ impl GpuBackend {
         let loaded = frame.work.iter().zip(&parts).filter(|(_, part)| part.may_be_loaded);
         planner.runs(residents, &frame.work, loaded.map(|(work, _)| work), &totals);
         let mut moving: Vec<Moving> = moving.into_values().map(|(_, moving)| moving).collect();
+        let moving_whole = moving.len();
+        let mut movers = Vec::new();
         let mut flown = BTreeMap::new();
         for (place, part) in parted {
             let slot = frame.work[place].slot;
@@ -67,7 +69,10 @@ impl GpuBackend {
             planner.part(slot, resident, &mut job, &part, first_result);
             flown.insert(place, job.flown(&part));
             cycles[place] = job.cycles();
-            moving.extend(job.moving(part, first_result));
+            if let Some(part_of_moves) = job.take_moving(&part, first_result) {
+                moving.push(part_of_moves);
+                movers.push(slot);
+            }
             resident.job = Some(job);
         }
         let mut dispatches = planner.dispatches;
@@ -89,7 +94,12 @@ impl GpuBackend {
         }
         let (mut planner, residents) = self.planner(&mut evaluated);
         planner.dispatches = dispatches;
-        planner.end_moves(residents, moving);
+        planner.end_moves(residents, &mut moving);
+        for (slot, moving) in movers.into_iter().zip(moving.drain(moving_whole..)) {
+            if let Some(job) = residents.get_mut(slot).and_then(|it| it.job.as_mut()) {
+                job.keep_moving(moving);
+            }
+        }
         planner.reports(residents, &frame.work, &totals);
         let dispatches = planner.dispatches;
         (self.flown, self.cycles) = (flown, cycles);
@@ -159,7 +169,7 @@ impl GpuBackend {
     fn results_of(&self, slot: Slot, part: &Part) -> u32 {
         let snows = part.steps.iter().any(|step| matches!(step, Step::Snow(_)));
         let job = self.residents.get(slot).and_then(|resident| resident.job.as_ref());
-        job.filter(|_| snows || part.moves.is_some()).map_or(0, |job| job.edits())
+        job.filter(|_| snows || part.moves > 0).map_or(0, |job| job.edits())
     }
 
     fn planner<'a>(

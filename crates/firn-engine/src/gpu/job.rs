@@ -36,9 +36,13 @@ pub struct Job {
     done: u32,
     at_once: u32,
     cycle: u32,
-    /// Cycles that are left in which objects move, and the number of their next edit.
-    moves: VecDeque<Moves>,
-    next_edit: u32,
+    /// Cycles in which objects move, before they begin.
+    moves: Vec<Moves>,
+    /// What is left of them.
+    moving: Option<Box<Moving>>,
+    /// How many steps they have, of how many units each.
+    steps: u32,
+    units_of_step: u64,
     /// How the results of parts of each edit are joined.
     joining: Vec<fn(u64, u64) -> u64>,
     /// The cycles have begun.
@@ -73,8 +77,7 @@ impl Job {
         let edits = (0..).zip(std::mem::take(&mut work.edits)).collect::<Vec<_>>();
         let moved = work.moves.iter().flat_map(|moves| moves.steps.iter().flatten());
         let joining = edits.iter().map(|(_, edit)| edit).chain(moved).map(Edit::joining).collect();
-        let (next_edit, moves) =
-            (edits.len() as u32, VecDeque::from(std::mem::take(&mut work.moves)));
+        let moves = std::mem::take(&mut work.moves);
         let count = edits.len() + count_edits(moves.iter()) as usize;
         let rounds = rounds(edits).into_iter().map(|(edits, _)| edits).collect();
         let outcome =
@@ -90,8 +93,10 @@ impl Job {
             at_once: 0,
             cycle: 0,
             runs: false,
+            steps: moves.iter().map(Moves::count).sum(),
+            units_of_step: 0,
             moves,
-            next_edit,
+            moving: None,
             joining,
             outcome,
         };
@@ -114,11 +119,26 @@ impl Job {
         self.work.run.cycles
     }
 
-    /// How objects move in the cycle that a part ends with, if any does.
-    pub fn moving(&self, part: Part, first_result: u32) -> Option<Moving> {
-        let (moves, edit) = part.moves?;
-        let Work { slot, run, pressing, .. } = self.work;
-        Some(Moving::new(slot, run.dt, pressing, vec![moves], first_result + edit))
+    /// How objects move in the steps that a part ends with, if there are any; the results of its edits begin at a
+    /// number.
+    pub fn take_moving(&mut self, part: &Part, first_result: u32) -> Option<Moving> {
+        let mut moving = match self.moving.take() {
+            _ if part.moves == 0 => return None,
+            Some(moving) => *moving,
+            None => {
+                let Work { slot, run, pressing, .. } = self.work;
+                let moves = std::mem::take(&mut self.moves);
+                let edits = self.edits() - count_edits(moves.iter());
+                Moving::new(slot, run.dt, pressing, moves, edits)
+            }
+        };
+        moving.go_on(part.moves, first_result);
+        Some(moving)
+    }
+
+    /// Keeps what is left of it for the next frame.
+    pub fn keep_moving(&mut self, moving: Moving) {
+        self.moving = Some(Box::new(moving));
     }
 
     /// How snow gives way under objects.
@@ -177,7 +197,7 @@ impl Job {
 
     /// What is to be known of a part when it is done.
     pub fn flown(&self, part: &Part) -> Flown {
-        let moves = part.moves.is_some();
+        let moves = part.moves > 0;
         Flown { done: part.done, units: part.units, moves, unfinished: self.outcome.unfinished }
     }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::frame::{Moves, Run, Work};
+use crate::frame::{Run, Work};
 
 /// Something that a frame does of a job.
 #[derive(Debug)]
@@ -41,8 +41,8 @@ pub struct When {
 pub struct Part {
     /// In this order.
     pub steps: Vec<Step>,
-    /// How objects move in a cycle that follows them, and the number of the first edit of that.
-    pub moves: Option<(Moves, u32)>,
+    /// Steps that follow them, of cycles in which objects move.
+    pub moves: u32,
     /// What is reported after them, as if that were all.
     pub work: Work,
     /// The cycles that the steps are of.

@@ -4,9 +4,8 @@ use std::ops::Range;
 
 use firn_snow::TILE_COLUMNS;
 
-use crate::frame::{Edit, Run, contact_units};
+use crate::frame::{Edit, Moves, Run, contact_units};
 use crate::gpu::resident::Resident;
-use crate::gpu::survey::count_edits;
 
 use super::part::{Part, Step, When};
 use super::{Job, Stage};
@@ -35,7 +34,7 @@ impl Job {
             }
             Stage::Free | Stage::Loaded => self.compact(resident, most, part),
             Stage::Move => {
-                self.move_objects(resident, part);
+                self.move_objects(resident, most, part);
                 true
             }
             Stage::Gather => {
@@ -267,7 +266,7 @@ impl Job {
     fn begin_cycles(&mut self, resident: &Resident) {
         let most = self.work.limit.unwrap_or(u64::MAX);
         let left = self.work.run.cycles - self.done;
-        if !self.moves.is_empty() {
+        if self.steps > 0 {
             self.enter(Stage::Move);
             return;
         }
@@ -286,21 +285,34 @@ impl Job {
         self.enter(if evaluated { Stage::Free } else { Stage::Touch });
     }
 
-    /// Goes on with a cycle in which objects move, all of it.
-    fn move_objects(&mut self, resident: &Resident, part: &mut Part) {
-        let Some(moves) = self.moves.pop_front() else { return };
+    /// Goes on with cycles in which objects move, step by step.
+    fn move_objects(&mut self, resident: &Resident, most: u64, part: &mut Part) {
+        if !self.moves.is_empty() && self.units_of_step == 0 {
+            self.units_of_step = self.units_of_moves(resident) / u64::from(self.steps);
+        }
         (self.at_once, self.cycle) = (1, 0);
         self.tell_cycles(part);
+        let fitting = most / self.units_of_step.max(1);
+        part.moves = u32::try_from(fitting).unwrap_or(u32::MAX).clamp(1, self.steps);
+        part.units += self.units_of_step * u64::from(part.moves);
+        self.steps -= part.moves;
+        if self.steps == 0 {
+            self.done = self.work.run.cycles;
+            self.begin_cycles(resident);
+        }
+    }
+
+    /// Units of all cycles in which objects move.
+    fn units_of_moves(&self, resident: &Resident) -> u64 {
+        let (cells, grid) = (cells_of(resident), &resident.layout.grid);
         let bodies = resident.bodies.values().map(|body| contact_units(body.placement.columns()));
-        let tiles = resident.loads.len() + moves.tiles(&resident.layout.grid).count();
-        let stepped = bodies.sum::<u64>() + cells_of(resident) * tiles as u64;
-        let whole = cells_of(resident) * resident.most_free() as u64;
-        part.units += stepped * u64::from(moves.count()) + whole;
-        let edit = self.next_edit;
-        self.next_edit += count_edits(std::iter::once(&moves));
-        part.moves = Some((moves, edit));
-        self.done += 1;
-        self.begin_cycles(resident);
+        let (bodies, loaded) = (bodies.sum::<u64>(), resident.loads.len());
+        let cycle = |moves: &Moves| {
+            let tiles = (loaded + moves.tiles(grid).count() / moves.count() as usize) as u64;
+            let step = bodies + cells * tiles;
+            step * u64::from(moves.count()) + cells * resident.most_free() as u64
+        };
+        self.moves.iter().map(cycle).sum()
     }
 
     /// Ends a cycle of the tiles under objects; where there are none, all that are taken at once. Returns

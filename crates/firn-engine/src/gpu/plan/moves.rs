@@ -25,10 +25,13 @@ pub struct Moving {
     dt: f64,
     pressing: Pressing,
     cycles: IntoIter<Moves>,
+    /// Steps that may be taken in this frame.
+    allowed: u32,
     /// The cycle under way.
     cycle: Option<Cycle>,
-    /// Number of the next edit's result.
-    next_result: u32,
+    /// Number of the frame's first result, and of the next edit's after it.
+    first_result: u32,
+    next_edit: u32,
     /// Tiles that have come under objects or are under none any more.
     marked: BTreeSet<u32>,
 }
@@ -56,27 +59,35 @@ struct Step {
 }
 
 impl Moving {
-    /// The moves of a snowpack, whose first edit has a number.
+    /// The moves of a snowpack, whose first edit has a number among all of its work.
     pub fn new(
         slot: Slot,
         dt: f64,
         pressing: Pressing,
         moves: Vec<Moves>,
-        first_result: u32,
+        next_edit: u32,
     ) -> Moving {
         Moving {
             slot,
             dt,
             pressing,
             cycles: moves.into_iter(),
+            allowed: u32::MAX,
             cycle: None,
-            next_result: first_result,
+            first_result: 0,
+            next_edit,
             marked: BTreeSet::new(),
         }
     }
 
-    /// The next step's edits; nothing where all cycles are over.
+    /// Says how many steps may be taken in this frame, in which the results of edits begin at a number.
+    pub fn go_on(&mut self, steps: u32, first_result: u32) {
+        (self.allowed, self.first_result) = (steps, first_result);
+    }
+
+    /// The next step's edits; nothing where no more is to be taken.
     fn next_step(&mut self, resident: &mut Resident) -> Option<Vec<Edit>> {
+        self.allowed = self.allowed.checked_sub(1)?;
         if let Some(edits) = self.cycle.as_mut().and_then(|cycle| cycle.steps.next()) {
             return Some(edits);
         }
@@ -129,12 +140,12 @@ impl Planner<'_> {
             .any(|&rows| rows > MOST_ROWS)
     }
 
-    /// Tells the device which tiles are under objects after all moves.
-    pub fn end_moves(&mut self, residents: &Residents, moving: Vec<Moving>) {
+    /// Tells the device which tiles are under objects now.
+    pub fn end_moves(&mut self, residents: &Residents, moving: &mut [Moving]) {
         for Moving { slot, marked, .. } in moving {
-            let Some(resident) = residents.get(slot) else { continue };
-            for tile in marked {
-                self.mark_tile(slot, resident, tile);
+            let Some(resident) = residents.get(*slot) else { continue };
+            for tile in std::mem::take(marked) {
+                self.mark_tile(*slot, resident, tile);
             }
         }
     }
@@ -177,8 +188,8 @@ impl Planner<'_> {
         let mut stressed = BTreeSet::new();
         let mut moved = false;
         for edit in edits {
-            let result = moving.next_result;
-            moving.next_result += 1;
+            let result = moving.first_result + moving.next_edit;
+            moving.next_edit += 1;
             match edit {
                 Edit::Lay(_) => {
                     self.operate(resident, &edit, result, ALL_ROWS, &mut changed);
