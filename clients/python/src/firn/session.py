@@ -186,7 +186,7 @@ class Session:
     def put_collider(self, collider: ColliderSpec) -> StampedCollider:
         """Puts an object on the snow; replaces the one of the same id.
 
-        It moves by itself with a `velocity` [m/s], a `turn_rate` [°/s], or a `path` [m] that it takes `over` a time [s].
+        It moves by itself with a `velocity` [m/s], a `turn_rate` [°/s], or a `path` [m] and the time `over` it [s].
         """
         body = {name: value for name, value in collider.items() if name != "id"}
         id = collider.get("id")
