@@ -195,11 +195,7 @@ fn every_command_of_a_client_is_read() {
             change(Change::PutCollider(collider), "/collider"),
         ),
         (
-            Command::PatchCollider {
-                id: 1,
-                collider: "sledge".to_owned(),
-                patch: patch.clone(),
-            },
+            Command::PatchCollider { id: 1, collider: "sledge".to_owned(), patch: patch.clone() },
             change(Change::PatchCollider { id: "sledge".to_owned(), patch }, "/patch"),
         ),
         (
