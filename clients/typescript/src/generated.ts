@@ -750,9 +750,9 @@ export interface components {
             /** @description Points [x, z] [m] that it still has to pass, in order; absent where there are none. */
             path: number[][];
             /** @description Its speed along the path [m/s]; absent where it is swept to the end in the next cycle. */
-            speed: number | null;
+            speed: number;
             /** @description Heading that it has at the end of the path [°], where it is swept to another. */
-            turn_to: number | null;
+            turn_to: number;
         };
         /**
          * @description What a batch does if one of its entries is invalid.

@@ -21,18 +21,23 @@ pub const MOST_PATH_POINTS: usize = 4096;
 pub struct Motion {
     /// Velocity along x and z \[m/s\]; absent where it is 0.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Position::is_zero"))]
+    #[cfg_attr(feature = "schema", schema(required = false))]
     pub velocity: Position,
     /// How fast it turns \[°/s\], clockwise from above; absent where it is 0.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_zero"))]
+    #[cfg_attr(feature = "schema", schema(required = false))]
     pub turn_rate: f64,
     /// Points \[x, z\] \[m\] that it still has to pass, in order; absent where there are none.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    #[cfg_attr(feature = "schema", schema(required = false))]
     pub path: Vec<[f64; 2]>,
     /// Its speed along the path \[m/s\]; absent where it is swept to the end in the next cycle.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "schema", schema(required = false, nullable = false))]
     pub speed: Option<f64>,
     /// Heading that it has at the end of the path \[°\], where it is swept to another.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    #[cfg_attr(feature = "schema", schema(required = false, nullable = false))]
     pub turn_to: Option<f64>,
 }
 

@@ -774,10 +774,10 @@ class Motion(TypedDict):
     path: list[list[float]]
     """Points [x, z] [m] that it still has to pass, in order; absent where there are none."""
 
-    speed: float | None
+    speed: float
     """Its speed along the path [m/s]; absent where it is swept to the end in the next cycle."""
 
-    turn_to: float | None
+    turn_to: float
     """Heading that it has at the end of the path [°], where it is swept to another."""
 
 
