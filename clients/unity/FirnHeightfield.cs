@@ -4,7 +4,8 @@
 //     _ = snow.RunAsync(cancellation);          // connects, and again whenever the connection is lost
 //     if (snow.Poll()) { ... snow.Heights ... } // in Update(), on the main thread
 //
-// It speaks firn.v1.bin: api/asyncapi.yaml describes the messages, api/height-stream.md the bytes.
+// It speaks firn.v1.bin: api/asyncapi.yaml describes the messages, api/height-stream.md the bytes. FirnObjects.cs beside it has types
+// for objects on the snow.
 
 using System;
 using System.Collections.Generic;
@@ -22,6 +23,12 @@ namespace Firn
     public sealed class StreamEndedException : Exception
     {
         public StreamEndedException(string message) : base(message) { }
+    }
+
+    /// <summary>The server refused a command, and nothing has changed. The message is its problem details (RFC 9457), as JSON.</summary>
+    public sealed class CommandRefusedException : Exception
+    {
+        public CommandRefusedException(string message) : base(message) { }
     }
 
     /// <summary>A mean depth of the snow on some columns, all where there is no width: it holds while that is above, or below, a depth [m].</summary>
@@ -70,7 +77,7 @@ namespace Firn
         readonly Uri uri;
         readonly string token;
         readonly double maxRate, quantum;
-        readonly bool terrain;
+        readonly bool terrain, colliders;
         readonly object gate = new object();
         readonly Random random = new Random();
 
@@ -86,14 +93,22 @@ namespace Firn
         readonly List<HeightMessage> parts = new List<HeightMessage>();
         // How watches stand of which nobody has asked yet: of each the newest.
         readonly List<WatchEvent> standings = new List<WatchEvent>();
+        string receivedColliders = "[]";
+        // Commands that wait for an answer, and the socket that they are sent on; a socket takes one message at a time.
+        readonly Dictionary<long, TaskCompletionSource<string>> pending = new Dictionary<long, TaskCompletionSource<string>>();
+        readonly SemaphoreSlim sending = new SemaphoreSlim(1);
+        ClientWebSocket open;
+        long lastId = SubscriptionId;
 
         /// <param name="server">As in http://127.0.0.1:8080.</param>
         /// <param name="token">An API key or one of the session's tokens, where the server asks for one.</param>
         /// <param name="maxRate">Most messages per second [Hz], 0.1 to 60.</param>
         /// <param name="quantum">Step that heights are rounded to [m].</param>
         /// <param name="terrain">Whether the ground is wanted too.</param>
+        /// <param name="colliders">Whether the objects on the snow are wanted too.</param>
         public Heightfield(
-            Uri server, string session, string token = null, double maxRate = 20, double quantum = 0.001, bool terrain = false)
+            Uri server, string session, string token = null, double maxRate = 20, double quantum = 0.001, bool terrain = false,
+            bool colliders = false)
         {
             var address = new UriBuilder(server) { Scheme = server.Scheme == "https" ? "wss" : "ws" };
             address.Path = "/v1/sessions/" + Uri.EscapeDataString(session) + "/stream";
@@ -102,6 +117,7 @@ namespace Firn
             this.maxRate = maxRate;
             this.quantum = quantum;
             this.terrain = terrain;
+            this.colliders = colliders;
         }
 
         /// <summary>Depths whose crossing is told, at most 16; to be filled before RunAsync.</summary>
@@ -119,6 +135,9 @@ namespace Firn
 
         /// <summary>Elevations of the ground [m], as Heights; none unless they are wanted.</summary>
         public float[] Ground { get; private set; } = new float[0];
+
+        /// <summary>The objects on the snow, as a JSON array for Collider.ReadAll of FirnObjects.cs; "[]" unless they are wanted.</summary>
+        public string Colliders { get; private set; } = "[]";
 
         /// <summary>When they held.</summary>
         public ulong Tick { get; private set; }
@@ -140,6 +159,7 @@ namespace Firn
                 Array.Copy(received, Heights, received.Length);
                 if (groundChanged) Ground = (float[])receivedGround.Clone();
                 groundChanged = false;
+                Colliders = receivedColliders;
                 Width = width;
                 Depth = depth;
                 CellSize = cellSize;
@@ -162,6 +182,58 @@ namespace Firn
             }
         }
 
+        /// <summary>Sends a change and returns its ack, as JSON. It is named and filled as in api/asyncapi.yaml:
+        /// CommandAsync("snowfall", "\"depth\":0.2"). Throws CommandRefusedException where it is refused. Throws IOException where the
+        /// stream is not connected, or is lost before the answer: then the change may have happened or not.</summary>
+        public async Task<string> CommandAsync(string op, string fields, CancellationToken cancellation = default(CancellationToken))
+        {
+            var answer = new TaskCompletionSource<string>(TaskCreationOptions.RunContinuationsAsynchronously);
+            ClientWebSocket socket;
+            long id;
+            lock (gate)
+            {
+                if (open == null) throw new IOException("the stream is not connected");
+                socket = open;
+                id = ++lastId;
+                pending.Add(id, answer);
+            }
+            try
+            {
+                var text = "{\"op\":\"" + op + "\",\"id\":" + id + (fields.Length > 0 ? "," : "") + fields + "}";
+                await SendAsync(socket, text, cancellation).ConfigureAwait(false);
+                using (cancellation.Register(() => answer.TrySetCanceled())) return await answer.Task.ConfigureAwait(false);
+            }
+            catch (WebSocketException error) { throw new IOException("the connection was lost", error); }
+            finally
+            {
+                lock (gate) pending.Remove(id);
+            }
+        }
+
+        /// <summary>Ends the commands that wait for an answer of a connection that is lost.</summary>
+        void Disconnect()
+        {
+            lock (gate)
+            {
+                open = null;
+                foreach (var answer in pending.Values) answer.TrySetException(new IOException("the connection was lost"));
+            }
+        }
+
+        /// <summary>Gives a command its answer; whether it was one that waits.</summary>
+        bool Answer(string text, bool refused)
+        {
+            var id = Regex.Match(text, "\"id\"\\s*:\\s*([0-9]+)");
+            TaskCompletionSource<string> answer;
+            lock (gate)
+            {
+                if (!id.Success || !pending.TryGetValue(long.Parse(id.Groups[1].Value, CultureInfo.InvariantCulture), out answer)) return false;
+            }
+            if (refused) answer.TrySetException(new CommandRefusedException(text));
+            else answer.TrySetResult(text);
+            return true;
+        }
+
         /// <summary>Keeps in sync until it is cancelled. Throws StreamEndedException where the server ends it for good.</summary>
         public async Task RunAsync(CancellationToken cancellation)
         {
@@ -173,7 +245,8 @@ namespace Firn
                     using (var socket = await ConnectAsync(cancellation).ConfigureAwait(false))
                     {
                         wait = FirstWait;
-                        await ReceiveAsync(socket, cancellation).ConfigureAwait(false);
+                        try { await ReceiveAsync(socket, cancellation).ConfigureAwait(false); }
+                        finally { Disconnect(); }
                     }
                 }
                 catch (Exception error) when (!cancellation.IsCancellationRequested && IsPassing(error)) { }
@@ -232,16 +305,18 @@ namespace Firn
             }
         }
 
-        static async void Ping(ClientWebSocket socket, CancellationToken cancellation)
+        async void Ping(ClientWebSocket socket, CancellationToken cancellation)
         {
             try { await SendAsync(socket, "{\"op\":\"ping\"}", cancellation).ConfigureAwait(false); }
             catch (Exception) { } // whoever receives finds out
         }
 
-        static Task SendAsync(ClientWebSocket socket, string text, CancellationToken cancellation)
+        async Task SendAsync(ClientWebSocket socket, string text, CancellationToken cancellation)
         {
             var bytes = new ArraySegment<byte>(Encoding.UTF8.GetBytes(text));
-            return socket.SendAsync(bytes, WebSocketMessageType.Text, true, cancellation);
+            await sending.WaitAsync(cancellation).ConfigureAwait(false);
+            try { await socket.SendAsync(bytes, WebSocketMessageType.Text, true, cancellation).ConfigureAwait(false); }
+            finally { sending.Release(); }
         }
 
         static void Closed(ClientWebSocket socket)
@@ -257,12 +332,20 @@ namespace Firn
             {
                 case "welcome":
                     string subscribe;
-                    lock (gate) subscribe = Begin(text);
+                    lock (gate)
+                    {
+                        subscribe = Begin(text);
+                        open = socket;
+                    }
                     return SendAsync(socket, subscribe, cancellation);
                 case "event":
                     if (Field(text, "event", "\"([^\"]*)\"") == "watch") lock (gate) TakeWatch(text);
                     return Task.CompletedTask;
+                case "ack":
+                    Answer(text, false);
+                    return Task.CompletedTask;
                 case "error":
+                    if (Answer(text, true)) return Task.CompletedTask;
                     throw new StreamEndedException(text);
                 default:
                     return Task.CompletedTask;
@@ -303,8 +386,8 @@ namespace Firn
             epoch = Field(welcome, "epoch", "\"([^\"]*)\"");
             var watches = string.Join(",", Watches.ConvertAll(watch => watch.ToJson()));
             return string.Format(CultureInfo.InvariantCulture,
-                "{{\"op\":\"subscribe\",\"id\":{0},\"max_rate\":{1:R},\"quantum\":{2:R},\"terrain\":{3},\"watch\":[{4}]{5}}}",
-                SubscriptionId, maxRate, quantum, terrain ? "true" : "false", watches, resume);
+                "{{\"op\":\"subscribe\",\"id\":{0},\"max_rate\":{1:R},\"quantum\":{2:R},\"terrain\":{3},\"colliders\":{4},\"watch\":[{5}]{6}}}",
+                SubscriptionId, maxRate, quantum, terrain ? "true" : "false", colliders ? "true" : "false", watches, resume);
         }
 
         static string Field(string json, string name, string value)
@@ -323,6 +406,8 @@ namespace Firn
             // What can't be read to its end is asked for anew, all of it.
             whole = false;
             foreach (var part in parts) Read(part);
+            var told = parts.FindAll(part => part.Colliders != null).ConvertAll(part => Items(part.Colliders));
+            if (told.Count > 0) receivedColliders = "[" + string.Join(",", told.FindAll(items => items.Length > 0)) + "]";
             recovered = parts[0].Recovered ?? recovered;
             parts.Clear();
             tick = last.Tick;
@@ -330,6 +415,14 @@ namespace Firn
             heldEpoch = epoch;
             // The subscription is of all columns, and began with those that were not held.
             whole = changed = true;
+        }
+
+        /// <summary>A JSON array without its brackets.</summary>
+        static string Items(string array)
+        {
+            var trimmed = array.Trim();
+            if (trimmed.Length < 2 || trimmed[0] != '[') throw new InvalidDataException("no list of objects: " + array);
+            return trimmed.Substring(1, trimmed.Length - 2).Trim();
         }
 
         void Read(HeightMessage part)

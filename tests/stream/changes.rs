@@ -31,9 +31,12 @@ async fn changes_are_acknowledged_in_order(backend: BackendChoice) {
         json!({"op": "collider.put", "collider": object("a", 0.5)}),
         json!({"op": "colliders.batch", "put": [object("b", 0.7), object("c", 0.9)]}),
         json!({"op": "collider.delete", "collider": "b"}),
+        json!({"op": "collider.patch", "collider": "a", "patch": {"velocity": {"x": 1, "z": 0}}}),
         json!({"op": "snowfall", "depth": -1}),
         json!({"op": "collider.put", "collider": object("d", 50.0)}),
         json!({"op": "collider.delete", "collider": "nobody"}),
+        json!({"op": "collider.patch", "collider": "a", "patch": {"turn_rate": 721}}),
+        json!({"op": "collider.patch", "collider": "nobody", "patch": {"mass": 1}}),
         json!({"op": "melt"}),
         json!({"op": "ping"}),
     ];
@@ -50,9 +53,9 @@ async fn changes_are_acknowledged_in_order(backend: BackendChoice) {
     let ids: Vec<_> = answers.iter().map(|answer| answer["id"].as_u64().unwrap()).collect();
     assert_eq!(ids, (0..requests.len() as u64).collect::<Vec<_>>());
     let ops: Vec<_> = answers.iter().map(|answer| answer["op"].as_str().unwrap()).collect();
-    assert_eq!(ops[..7], ["ack"; 7]);
-    assert_eq!(ops[7..11], ["error"; 4]);
-    assert_eq!(ops[11], "pong");
+    assert_eq!(ops[..8], ["ack"; 8]);
+    assert_eq!(ops[8..14], ["error"; 6]);
+    assert_eq!(ops[14], "pong");
 
     // 0.5 m of 20 kg/m³ on 2 m × 1.4 m.
     assert!((answers[0]["fallen_mass"].as_f64().unwrap() - 28.0).abs() < 1e-3);
@@ -60,17 +63,20 @@ async fn changes_are_acknowledged_in_order(backend: BackendChoice) {
     assert!((answers[1]["cleared_mass"].as_f64().unwrap() - 72.8).abs() < 1e-2);
     assert_eq!(answers[2]["celsius"], -10.0);
     assert_eq!(answers[4]["collider"]["id"], "a");
+    assert_eq!(answers[7]["collider"]["velocity"], json!({"x": 1.0, "z": 0.0}));
     let wrong = |i: usize| {
         let problem = &answers[i]["problem"];
         (problem["status"].as_u64().unwrap(), problem["errors"][0]["pointer"].clone())
     };
-    assert_eq!(wrong(7), (422, json!("/depth")));
-    assert_eq!(wrong(8), (422, json!("/collider/position")));
-    assert_eq!(wrong(9), (404, Value::Null));
-    assert_eq!(wrong(10), (422, json!("/op")));
+    assert_eq!(wrong(8), (422, json!("/depth")));
+    assert_eq!(wrong(9), (422, json!("/collider/position")));
+    assert_eq!(wrong(10), (404, Value::Null));
+    assert_eq!(wrong(11), (422, json!("/patch/turn_rate")));
+    assert_eq!(wrong(12), (404, Value::Null));
+    assert_eq!(wrong(13), (422, json!("/op")));
 
     let view = server.get(&session).await.expect(200);
-    assert!(view["seq"].as_u64() >= answers[6]["seq"].as_u64());
+    assert!(view["seq"].as_u64() >= answers[7]["seq"].as_u64());
     assert_eq!((&view["air_temperature"], &view["time_scale"]), (&json!(-10.0), &json!(2.0)));
     assert_eq!(view["pressing"], 0.5);
     let colliders = server.get(&format!("{session}/colliders")).await.expect(200);

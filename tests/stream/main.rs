@@ -8,6 +8,7 @@ mod faults;
 mod ground;
 mod heights;
 mod limits;
+mod objects;
 mod reads;
 mod rust;
 #[path = "../support/mod.rs"]

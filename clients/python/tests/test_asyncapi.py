@@ -34,7 +34,7 @@ SENT = [
 ]
 TOLD = [name for name in MESSAGES if name not in SENT]
 # Commands that change heights or objects.
-CHANGES = ("snowfall", "clearing", "collider.put", "collider.delete", "colliders.batch", "stamps")
+CHANGES = ("snowfall", "clearing", "collider.put", "collider.patch", "collider.delete", "colliders.batch", "stamps")
 # Commands that change settings.
 SETTINGS = ("air_temperature", "set")
 # The session that the examples are about.

@@ -221,17 +221,26 @@ export interface components {
             /** @description How fast it turns [°/s], clockwise from above. */
             turn_rate?: number | null;
             /**
-             * @description Points [x, z] [m] that it passes, in order, from where it is; then it stays, or goes on with a velocity that
-             *     comes along. It comes with `over`.
+             * @description Points [x, z] [m] that it passes, in order, from where it is; then it stops, or goes on with the velocity in
+             *     the same patch. It comes with `over`.
              */
             path?: number[][] | null;
             /** @description Simulated time that it takes for the path [s], at 100 m/s at the most. */
             over?: number | null;
             /**
              * @description Whether it is swept to the new position, and turned to the new heading, in the next cycle, rather than lifted
-             *     there: it leaves a track without gaps. What is more than 32 columns away takes several cycles.
+             *     there: it leaves a track without gaps. A way of more than 32 columns takes several cycles.
              */
             sweep?: boolean;
+        };
+        /** @description Changes parts of a collider, or sweeps it to another place, as PATCH …/colliders/{cid}; what is left out stays. */
+        ColliderPatchMessage: {
+            /** @constant */
+            op: "collider.patch";
+            id: components["schemas"]["Id"];
+            /** @description The collider's id. */
+            collider: string;
+            patch: components["schemas"]["ColliderPatch"];
         };
         /** @description Creates, replaces or moves a collider, as PUT …/colliders/{cid}. */
         ColliderPutMessage: {
@@ -268,8 +277,8 @@ export interface components {
             /** @description Whether snow that falls on its columns lies on it, as its burden, rather than falls through it. */
             shelters?: boolean;
             /**
-             * @description Velocity along x and z [m/s], 100 m/s at the most. The world moves the object until it is told otherwise or
-             *     is at the edge of the grid.
+             * @description Velocity along x and z [m/s], 100 m/s at the most. The object moves until another velocity is set or it
+             *     reaches the edge of the grid.
              */
             velocity?: components["schemas"]["Position"];
             /** @description How fast it turns [°/s], clockwise from above. */
@@ -297,7 +306,7 @@ export interface components {
             contact_area: number;
             /** @description Pressure on the area in contact [Pa]. */
             pressure: number;
-            /** @description Mass of the snow that lies on it [kg]. */
+            /** @description Mass of the snow that lies on it [kg]. It adds to its weight. */
             burden: number;
             /** @description Whether its bottom and contact stayed as they were over the last cycle. */
             resting: boolean;
@@ -1542,6 +1551,7 @@ export type ColliderBatch = components['schemas']['ColliderBatch'];
 export type ColliderDeleteMessage = components['schemas']['ColliderDeleteMessage'];
 export type ColliderPage = components['schemas']['ColliderPage'];
 export type ColliderPatch = components['schemas']['ColliderPatch'];
+export type ColliderPatchMessage = components['schemas']['ColliderPatchMessage'];
 export type ColliderPutMessage = components['schemas']['ColliderPutMessage'];
 export type ColliderReply = components['schemas']['ColliderReply'];
 export type ColliderSpec = components['schemas']['ColliderSpec'];

@@ -138,12 +138,15 @@ export class Session {
     return this.call("/digest");
   }
 
-  /** Lets snow fall at once. With an idempotency key, repeats add nothing. */
+  /**
+   * Lets snow fall at once; above objects it lies on them, unless their `shelters` is false. With an idempotency key, repeats add
+   * nothing.
+   */
   snowfall(snowfall: Snowfall, idempotencyKey?: string): Promise<SnowfallReply> {
     return this.call("/snowfalls", { method: "POST", body: snowfall, idempotencyKey });
   }
 
-  /** Leaves at most a depth standing. */
+  /** Leaves at most a depth standing. The snow under objects stays, unless they are airborne. */
   clear(clearing: Clearing, idempotencyKey?: string): Promise<ClearingReply> {
     return this.call("/clearings", { method: "POST", body: clearing, idempotencyKey });
   }
@@ -158,17 +161,23 @@ export class Session {
     return this.call("/colliders", { query });
   }
 
-  /** An object on the snow. */
+  /** An object on the snow: where it stands, how it moves, and its `burden`, the snow that lies on it [kg]. */
   collider(id: string): Promise<Collider & Stamp> {
     return this.call(`/colliders/${encodeURIComponent(id)}`);
   }
 
-  /** Changes parts of an object; the others stay as they are. */
+  /**
+   * Changes parts of an object; the others stay as they are. `position` and `heading` lift it to another place; with `sweep` they push
+   * it there in the next cycle, and it leaves a track. `velocity` and `position` end a path.
+   */
   patchCollider(id: string, patch: ColliderPatch): Promise<Collider & Stamp> {
     return this.call(`/colliders/${encodeURIComponent(id)}`, { method: "PATCH", body: patch });
   }
 
-  /** Puts an object on the snow; replaces or moves the one of the same id. */
+  /**
+   * Puts an object on the snow; replaces the one of the same id. It moves by itself with a `velocity` [m/s], a `turn_rate` [°/s], or a
+   * `path` [m] that it takes `over` a time [s].
+   */
   putCollider(collider: ColliderSpec): Promise<Collider & Stamp> {
     const { id, ...body } = collider;
     if (id == null) return this.call("/colliders", { method: "POST", body });
@@ -244,7 +253,7 @@ export class Session {
     return this.call("/cells", { query: { ...box, fields: fields?.join(",") }, signal });
   }
 
-  /** The mass ledger. */
+  /** The mass ledger [kg]; `carried` lies on objects. */
   mass(): Promise<MassLedger> {
     return this.call("/mass");
   }

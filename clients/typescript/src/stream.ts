@@ -96,8 +96,9 @@ export class Stream {
   }
 
   /**
-   * Sends a change, named and filled as in api/asyncapi.yaml: `command("snowfall", { depth: 0.2 })`. Throws a ProblemError
-   * where it is refused, and a DisconnectedError where no answer came.
+   * Sends a change, named and filled as in api/asyncapi.yaml: `command("snowfall", { depth: 0.2 })`, or
+   * `command("collider.patch", { collider: "sledge", patch: { mass: 80 } })`. Throws a ProblemError where it is refused, and a
+   * DisconnectedError where no answer came.
    */
   command<Reply extends Stamp = Stamp>(op: string, fields: object = {}): Promise<Reply> {
     if (this.state.name !== "open") return Promise.reject(new DisconnectedError("the stream is not connected"));

@@ -1,4 +1,4 @@
-"""FirnHeightfield.cs, compiled as plain .NET, against the test vectors and a real server: run by scripts/test-unity."""
+"""The C# files, compiled as plain .NET, against the test vectors and a real server: run by scripts/test-unity."""
 
 from __future__ import annotations
 
@@ -49,6 +49,20 @@ class Follower:
         assert self.process.stdout is not None
         return (await asyncio.wait_for(self.process.stdout.readline(), 30)).decode().split()
 
+    async def change(self, line: str) -> list[str]:
+        """Has an object changed, and returns what is said of it: its fields, or why not."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(f"{line}\n".encode())
+        while (said := await self.line())[0] == "told":
+            pass
+        return said
+
+    async def told(self, *wanted: str) -> list[str]:
+        """The first state of an object that begins so."""
+        while (said := await self.line())[: len(wanted) + 1] != ["told", *wanted]:
+            pass
+        return said
+
     async def until(self, seq: int) -> tuple[str, np.ndarray]:
         """Recovered or not, and the heights [mm], once they are of a seq or later."""
         while True:
@@ -61,7 +75,13 @@ class Follower:
 @asynccontextmanager
 async def follow(url: str, session: str, command: str = "follow") -> AsyncIterator[Follower]:
     process = await asyncio.create_subprocess_exec(
-        *PROGRAM, command, url, session, stdout=asyncio.subprocess.PIPE, limit=1 << 20
+        *PROGRAM,
+        command,
+        url,
+        session,
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        limit=1 << 20,
     )
     try:
         yield Follower(process)
@@ -103,7 +123,10 @@ async def test_it_holds_the_ground_where_that_is_wanted(client: Client, server: 
     grid = {"width": 20, "depth": 12, "height": 10, "cell_size": 0.5}
     slope = np.add.outer(-np.arange(12.0), np.arange(20) / 4)
     session = client.create_session(id="slope", grid=grid, paused=True, terrain={"heights": slope.ravel().tolist()})
-    async with Line(server.port) as line, follow(line.url, "slope", "ground") as follower:
+    async with (
+        Line(server.port) as line,
+        follow(line.url, "slope", "ground") as follower,
+    ):
         _, told = await follower.until(0)
         np.testing.assert_array_equal(told, np.concatenate([np.zeros((12, 20)), slope * 10000]))
         fall = session.snowfall(1)
@@ -120,7 +143,10 @@ async def test_it_holds_the_ground_where_that_is_wanted(client: Client, server: 
 async def test_a_watch_is_told_at_once_and_whenever_it_is_crossed(client: Client, server: Server) -> None:
     grid = {"width": 16, "depth": 8, "height": 30, "cell_size": 0.2}
     session = client.create_session(id="crossed", grid=grid, paused=True, initial_snow=[{"depth": 1}])
-    async with Line(server.port) as line, follow(line.url, "crossed", "watch") as follower:
+    async with (
+        Line(server.port) as line,
+        follow(line.url, "crossed", "watch") as follower,
+    ):
         assert (await follower.line())[1:] == ["deep", "False", "1000"]
         fall = session.snowfall(1, region={"x": 0, "z": 0, "width": 1.6, "depth": 1.6})
         assert await follower.line() == [str(fall["seq"]), "deep", "True", "2000"]
@@ -128,3 +154,47 @@ async def test_a_watch_is_told_at_once_and_whenever_it_is_crossed(client: Client
         session.clear(0.5)
         line.mend()
         assert (await follower.line())[1:] == ["deep", "False", "500"]
+
+
+async def test_objects_move_are_swept_and_carry_snow(client: Client, server: Server) -> None:
+    session = client.create_session(
+        id="objects",
+        grid={"width": 60, "depth": 20, "height": 20, "cell_size": 0.1},
+        preset="game",
+        pressing=0,
+        paused=True,
+        tick_rate=20,
+        initial_snow=[{"depth": 1}],
+    )
+    untouched = float(session.heights().heights[0, 0])
+    async with follow(server.url, "objects", "objects") as follower:
+        # Place, heading, velocity, turn rate, points ahead, speed, heading to turn to, shelters, burden.
+        put = await follower.change("put ski 60 0.2 0.55 1 1")
+        assert " ".join(put) == "done ski 0.55 1 0 0 0 0 0 -1 -1 True 0"
+        moving = await follower.change("velocity ski 1 0 360")
+        assert " ".join(moving) == "done ski 0.55 1 0 1 0 360 0 -1 -1 True 0"
+        session.step(ticks=10)
+        await follower.told("ski", "1.05", "1", "180")
+        assert (await follower.change("velocity ski 0 0 0"))[5:8] == ["0", "0", "0"]
+        on_a_path = await follower.change("path ski 1.55 1 0.5")
+        assert on_a_path[8:10] == ["1", "1"]
+        session.step(ticks=10)
+        assert (await follower.told("ski", "1.55", "1"))[8:10] == ["0", "-1"]
+        swept = await follower.change("sweep ski 2.55 1 90")
+        assert swept[2:4] == ["1.55", "1"] and swept[8:11] == ["1", "-1", "90"]
+        session.step(ticks=1)
+        assert (await follower.told("ski", "2.55", "1", "90"))[8:11] == ["0", "-1", "-1"]
+        dents = untouched - session.heights().heights[10]
+        assert (dents[6:26] > 0.05).all() and (dents[28:] < 0.01).all()
+        assert (await follower.change("sweep nobody 1 1 0"))[0] == "CommandRefusedException"
+        assert (await follower.change("velocity ski 80 80 0"))[0] == "CommandRefusedException"
+
+        assert (await follower.change("put roof 50 1 4 1 1"))[11] == "True"
+        assert (await follower.change("put fence 50 1 5.5 1 0"))[11] == "False"
+        session.snowfall(0.3, density=60)
+        while (burden := (await follower.told("roof", "4", "1"))[12]) == "0":
+            pass
+        assert float(burden) == pytest.approx(18, rel=1e-3)
+        assert session.collider("fence")["burden"] == 0
+        assert await follower.change("delete roof") == ["gone"]
+        assert [collider["id"] for collider in session.colliders()] == ["fence", "ski"]

@@ -40,8 +40,8 @@ pub struct ColliderSpec {
     #[serde(default = "yes")]
     #[cfg_attr(feature = "schema", schema(default = true))]
     pub shelters: bool,
-    /// Velocity along x and z \[m/s\], 100 m/s at the most. The world moves the object until it is told otherwise or
-    /// is at the edge of the grid.
+    /// Velocity along x and z \[m/s\], 100 m/s at the most. The object moves until another velocity is set or it
+    /// reaches the edge of the grid.
     #[serde(default)]
     pub velocity: Position,
     /// How fast it turns \[°/s\], clockwise from above.
@@ -55,7 +55,7 @@ pub struct ColliderSpec {
     pub path: Option<Vec<[f64; 2]>>,
     /// Simulated time that it takes for the path \[s\], at 100 m/s at the most.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 86_400))]
+    #[cfg_attr(feature = "schema", schema(minimum = 0.001, maximum = 86_400))]
     pub over: Option<f64>,
 }
 
@@ -129,20 +129,20 @@ pub struct ColliderPatch {
     pub airborne: Option<bool>,
     /// Whether snow that falls on its columns lies on it.
     pub shelters: Option<bool>,
-    /// Velocity along x and z \[m/s\], 100 m/s at the most. It ends a path under way.
+    /// Velocity along x and z \[m/s\], 100 m/s at the most. It ends a path that the object follows.
     pub velocity: Option<Position>,
     /// How fast it turns \[°/s\], clockwise from above.
     #[cfg_attr(feature = "schema", schema(minimum = -720, maximum = 720))]
     pub turn_rate: Option<f64>,
-    /// Points \[x, z\] \[m\] that it passes, in order, from where it is; then it stays, or goes on with a velocity that
-    /// comes along. It comes with `over`.
+    /// Points \[x, z\] \[m\] that it passes, in order, from where it is; then it stops, or goes on with the velocity in
+    /// the same patch. It comes with `over`.
     #[cfg_attr(feature = "schema", schema(min_items = 1, max_items = 4096))]
     pub path: Option<Vec<[f64; 2]>>,
     /// Simulated time that it takes for the path \[s\], at 100 m/s at the most.
-    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 86_400))]
+    #[cfg_attr(feature = "schema", schema(minimum = 0.001, maximum = 86_400))]
     pub over: Option<f64>,
     /// Whether it is swept to the new position, and turned to the new heading, in the next cycle, rather than lifted
-    /// there: it leaves a track without gaps. What is more than 32 columns away takes several cycles.
+    /// there: it leaves a track without gaps. A way of more than 32 columns takes several cycles.
     pub sweep: bool,
 }
 
@@ -282,7 +282,7 @@ pub struct ColliderView {
     pub contact_area: f64,
     /// Pressure on the area in contact \[Pa\].
     pub pressure: f64,
-    /// Mass of the snow that lies on it \[kg\].
+    /// Mass of the snow that lies on it \[kg\]. It adds to its weight.
     #[serde(default)]
     pub burden: f64,
     /// Whether its bottom and contact stayed as they were over the last cycle.

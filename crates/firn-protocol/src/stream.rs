@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use crate::{
-    AirTemperature, Clearing, ColliderBatch, ColliderSpec, ProbeBatch, SampleBatch, SettingsPatch,
-    Snowfall, StampBatch, Subscribe, Update,
+    AirTemperature, Clearing, ColliderBatch, ColliderPatch, ColliderSpec, ProbeBatch, SampleBatch,
+    SettingsPatch, Snowfall, StampBatch, Subscribe, Update,
 };
 
 /// A sub-protocol: how heights are written.
@@ -183,6 +183,16 @@ pub enum Command {
         id: i64,
         /// The object, with an id of its own.
         collider: ColliderSpec,
+    },
+    /// Changes parts of an object.
+    #[serde(rename = "collider.patch")]
+    PatchCollider {
+        /// A number for the answer.
+        id: i64,
+        /// The object's id.
+        collider: String,
+        /// The parts that change.
+        patch: ColliderPatch,
     },
     /// Takes an object away.
     #[serde(rename = "collider.delete")]

@@ -36,6 +36,13 @@ pub struct ColliderPage {
 /// Create a collider
 ///
 /// One column at least of what it stands on must be in the grid.
+///
+/// It stays where it is, or moves by itself: with a `velocity` (at most 100 m/s), a `turn_rate` (at most 720 °/s), or along a
+/// `path` that it takes `over` a time (0.001 to 86 400 s, at most 100 m/s on average). A path is followed first, then the velocity
+/// goes on. The heading does not follow the path. Objects move in simulated time: a paused session holds them still. At the edge of
+/// the grid an object stops, with the last of its columns in the grid, and forgets its motion.
+///
+/// Snow that falls on its columns lies on it as its `burden` and adds to its weight, unless `shelters` is false.
 #[utoipa::path(
     post,
     path = "/v1/sessions/{id}/colliders",
@@ -92,7 +99,7 @@ pub async fn list(
 /// Put and remove several colliders
 ///
 /// All in one frame, or none; with `"on_error": "skip"` those that are not in error, and a result for each. Up
-/// to 4096 in all. Removals come first.
+/// to 4096 in all. Removals come first. An entry of `put` replaces an object as `PUT` does, its motion included; its burden stays.
 #[utoipa::path(
     post,
     path = "/v1/sessions/{id}/colliders:batch",
@@ -115,6 +122,10 @@ pub async fn batch(
 }
 
 /// Get a collider
+///
+/// Where it stands, how it moves, what lies on it. `velocity` and `turn_rate` are left out where they are 0, `path` and `speed` where
+/// it follows no path. `path` has the points that are still ahead. `sink_depth` counts from the place where it was put or moved to last,
+/// so that of a moving object counts from its last step.
 #[utoipa::path(
     get,
     path = "/v1/sessions/{id}/colliders/{cid}",
@@ -138,7 +149,15 @@ pub async fn get(
 
 /// Create or replace a collider
 ///
-/// Where the body has an `id`, it must be the one in the path.
+/// Where the body has an `id`, it must be the one in the path. What the body leaves out has its default: an object that is replaced
+/// without a `velocity` stops. The snow that lies on it stays there, but on columns that it leaves.
+///
+/// It stays where it is, or moves by itself: with a `velocity` (at most 100 m/s), a `turn_rate` (at most 720 °/s), or along a
+/// `path` that it takes `over` a time (0.001 to 86 400 s, at most 100 m/s on average). A path is followed first, then the velocity
+/// goes on. The heading does not follow the path. Objects move in simulated time: a paused session holds them still. At the edge of
+/// the grid an object stops, with the last of its columns in the grid, and forgets its motion.
+///
+/// Snow that falls on its columns lies on it as its `burden` and adds to its weight, unless `shelters` is false.
 #[utoipa::path(
     put,
     path = "/v1/sessions/{id}/colliders/{cid}",
@@ -170,7 +189,13 @@ pub async fn put(
 
 /// Change a collider
 ///
-/// Fields that are left out stay as they are.
+/// Fields that are left out stay as they are. Another `position` lifts the object there: it leaves no track between, a path that it
+/// was following ends, and its velocity goes on. A `velocity` ends a path too. A new `path` begins where the object is, and a velocity goes on at its end only
+/// if it comes along.
+///
+/// With `"sweep": true` the object is pushed to the `position` and turned to the `heading` instead, the shorter way round, and leaves a
+/// track. It takes the next cycle for that, or several where the way is longer than 32 columns. Sweeps before a cycle has passed follow
+/// each other. 422 for a sweep without a position and a heading, and for a sweep with a `path`.
 #[utoipa::path(
     patch,
     path = "/v1/sessions/{id}/colliders/{cid}",
@@ -193,6 +218,9 @@ pub async fn patch(
 }
 
 /// Remove a collider
+///
+/// The snow that lies on it is laid on its columns. What finds no room there, and what is less than a quantum for each column, counts as
+/// refused in the ledger.
 #[utoipa::path(
     delete,
     path = "/v1/sessions/{id}/colliders/{cid}",

@@ -9,7 +9,8 @@ use crate::problem::Problem;
 
 /// Read the mass ledger
 ///
-/// What fell, what was refused and cleared, and what is there. Nothing is ever lost.
+/// What fell, what was refused and cleared, what lies on objects (`carried`), and what lies in the columns (`present`), in kilograms.
+/// Nothing is ever lost: `imbalance_quanta` is always 0.
 #[utoipa::path(
     get,
     path = "/v1/sessions/{id}/mass",

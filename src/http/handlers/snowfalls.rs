@@ -12,7 +12,9 @@ use crate::session::Change;
 
 /// Let snow fall
 ///
-/// On the whole grid or a region. What finds no room is refused, and told; it is no error.
+/// On the whole grid or a region. Above an object it lies on the object, as its `burden`, and not on the column under it, unless the
+/// object's `shelters` is false. Where several objects cover a column, it lies on the one with the lowest id. What finds no room is
+/// refused, and told; it is no error.
 #[utoipa::path(
     post,
     path = "/v1/sessions/{id}/snowfalls",

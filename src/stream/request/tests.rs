@@ -153,6 +153,12 @@ fn every_command_of_a_client_is_read() {
     let (clearing, air) =
         (Clearing { depth: 0.1, ..Clearing::default() }, AirTemperature { celsius: -5.0 });
     let settings = SettingsPatch { paused: Some(true), ..SettingsPatch::default() };
+    let patch = ColliderPatch {
+        position: Some(Position { x: 3.0, z: 2.0 }),
+        turn_rate: Some(30.0),
+        sweep: true,
+        ..ColliderPatch::default()
+    };
     let batch = ColliderBatch {
         put: vec![collider.clone()],
         delete: vec!["old".to_owned()],
@@ -187,6 +193,10 @@ fn every_command_of_a_client_is_read() {
         (
             Command::PutCollider { id: 1, collider: collider.clone() },
             change(Change::PutCollider(collider), "/collider"),
+        ),
+        (
+            Command::PatchCollider { id: 1, collider: "sledge".to_owned(), patch: patch.clone() },
+            change(Change::PatchCollider { id: "sledge".to_owned(), patch }, "/patch"),
         ),
         (
             Command::DeleteCollider { id: 1, collider: "sledge".to_owned() },

@@ -210,8 +210,8 @@ class ColliderPatch(TypedDict):
 
     path: NotRequired[list[list[float]] | None]
     """
-    Points [x, z] [m] that it passes, in order, from where it is; then it stays, or goes on with a velocity that
-    comes along. It comes with `over`.
+    Points [x, z] [m] that it passes, in order, from where it is; then it stops, or goes on with the velocity in
+    the same patch. It comes with `over`.
     """
 
     over: NotRequired[float | None]
@@ -220,8 +220,19 @@ class ColliderPatch(TypedDict):
     sweep: NotRequired[bool]
     """
     Whether it is swept to the new position, and turned to the new heading, in the next cycle, rather than lifted
-    there: it leaves a track without gaps. What is more than 32 columns away takes several cycles.
+    there: it leaves a track without gaps. A way of more than 32 columns takes several cycles.
     """
+
+
+class ColliderPatchMessage(TypedDict):
+    """Changes parts of a collider, or sweeps it to another place, as PATCH …/colliders/{cid}; what is left out stays."""
+
+    op: Literal["collider.patch"]
+    id: Id
+    collider: str
+    """The collider's id."""
+
+    patch: ColliderPatch
 
 
 class ColliderPutMessage(TypedDict):
@@ -267,8 +278,8 @@ class ColliderSpec(TypedDict):
 
     velocity: NotRequired[Position]
     """
-    Velocity along x and z [m/s], 100 m/s at the most. The world moves the object until it is told otherwise or
-    is at the edge of the grid.
+    Velocity along x and z [m/s], 100 m/s at the most. The object moves until another velocity is set or it
+    reaches the edge of the grid.
     """
 
     turn_rate: NotRequired[float]
@@ -826,7 +837,7 @@ class ColliderView(Body):
     """Pressure on the area in contact [Pa]."""
 
     burden: float
-    """Mass of the snow that lies on it [kg]."""
+    """Mass of the snow that lies on it [kg]. It adds to its weight."""
 
     resting: bool
     """Whether its bottom and contact stayed as they were over the last cycle."""

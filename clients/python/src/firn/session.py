@@ -17,6 +17,7 @@ from .types import (
     Checkpoint,
     ClearingReply,
     Collider,
+    ColliderPatch,
     ColliderSpec,
     Column,
     Event,
@@ -150,7 +151,7 @@ class Session:
         region: Region | None = None,
         idempotency_key: str | None = None,
     ) -> SnowfallReply:
-        """Lets snow fall at once [m, kg/m³, °C]."""
+        """Lets snow fall at once [m, kg/m³, °C]. Above objects it lies on them, unless their `shelters` is false."""
         body = {"depth": depth, "density": density, "temperature": temperature, "region": region}
         return cast(SnowfallReply, self._post("/snowfalls", body, idempotency_key))
 
@@ -163,7 +164,10 @@ class Session:
         width: float | None = None,
         idempotency_key: str | None = None,
     ) -> ClearingReply:
-        """Leaves at most a depth [m] standing, as a plough does: everywhere, in a region, or along a path [m]."""
+        """Leaves at most a depth [m] standing, as a plough does: everywhere, in a region, or along a path [m].
+
+        The snow under objects stays, unless they are airborne.
+        """
         body = {"depth": depth, "region": region, "path": path, "width": width}
         return cast(ClearingReply, self._post("/clearings", body, idempotency_key))
 
@@ -176,16 +180,27 @@ class Session:
         yield from self.client._pages(f"{self.path}/colliders")
 
     def collider(self, id: str) -> StampedCollider:
-        """An object on the snow."""
+        """An object on the snow: where it stands, how it moves, and its `burden`, the snow that lies on it [kg]."""
         return cast(StampedCollider, self._call("GET", f"/colliders/{quote(id, safe='')}"))
 
     def put_collider(self, collider: ColliderSpec) -> StampedCollider:
-        """Puts an object on the snow; replaces or moves the one of the same id."""
+        """Puts an object on the snow; replaces the one of the same id.
+
+        It moves by itself with a `velocity` [m/s], a `turn_rate` [°/s], or a `path` [m] and the time `over` it [s].
+        """
         body = {name: value for name, value in collider.items() if name != "id"}
         id = collider.get("id")
         if id is not None:
             return cast(StampedCollider, self._call("PUT", f"/colliders/{quote(id, safe='')}", json=body))
         return cast(StampedCollider, self._call("POST", "/colliders", json=body))
+
+    def patch_collider(self, id: str, **patch: Unpack[ColliderPatch]) -> StampedCollider:
+        """Changes parts of an object; those left out stay.
+
+        `position` and `heading` lift it to another place; with `sweep=True` they push it there in the next cycle, and
+        it leaves a track. `velocity` and `position` end a path.
+        """
+        return cast(StampedCollider, self._call("PATCH", f"/colliders/{quote(id, safe='')}", json=patch))
 
     def delete_collider(self, id: str) -> None:
         """Removes an object."""
@@ -247,7 +262,7 @@ class Session:
         return {name: np.array(values, np.float64).reshape(shape) for name, values in reply["fields"].items()}
 
     def mass(self) -> MassLedger:
-        """The mass balance [kg]."""
+        """The mass balance [kg]; `carried` lies on objects."""
         return cast(MassLedger, self._call("GET", "/mass"))
 
     def usage(self) -> Usage:

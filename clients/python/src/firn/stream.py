@@ -121,6 +121,7 @@ class Stream:
     async def command(self, op: str, **fields: Any) -> Ack:
         """Sends a change as api/asyncapi.yaml names it: `await stream.command("snowfall", depth=0.2)`.
 
+        An object is changed by `await stream.command("collider.patch", collider="sledge", patch={"mass": 80})`.
         Returns its `ack`. Raises `ProblemError` where it is refused, `Disconnected` where no answer came.
         """
         if self._socket is None:

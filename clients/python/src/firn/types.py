@@ -15,6 +15,7 @@ Capsule = generated.ShapeCapsule
 Checkpoint = generated.CheckpointView
 ClearingReply = generated.ClearingReply
 Collider = generated.ColliderView
+ColliderPatch = generated.ColliderPatch
 ColliderSpec = generated.ColliderSpec
 Column = generated.ColumnView
 ColumnRegion = generated.ColumnRegion
