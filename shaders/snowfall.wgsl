@@ -19,6 +19,7 @@ var<immediate> work: Pass;
 
 const DEPOSIT: u32 = 0u;
 const CLEAR: u32 = 1u;
+const LAY: u32 = 2u;
 // Largest difference in temperature at which fresh snow tops up the cell below [degrees C].
 const TOP_UP_TEMPERATURE: f32 = 0.25;
 
@@ -362,10 +363,11 @@ fn do_lightly(column: ptr<function, Column>, position: vec2<u32>, cover: Cover, 
 fn do_heavily(column: ptr<function, Column>, index: u32) {
     let fall = fall_of(index);
     var quanta = 0u;
-    if operations[index].kind == CLEAR {
-        quanta = clear(column, fall.depth);
-    } else {
+    let kind = operations[index].kind;
+    if kind == DEPOSIT || kind == LAY {
         quanta = deposit(column, fall);
+    } else {
+        quanta = clear(column, fall.depth);
     }
     add_result(operations[index].result, quanta);
 }

@@ -270,7 +270,7 @@ impl Simulation {
             id: id.to_string(),
             body: collider.body.clone(),
             contact: collider.contact,
-            carried: collider.carried,
+            carried: collider.carried.clone(),
         });
         // A reset may have brought another material along.
         let stiffness_exponent = self.session.spec.material.stiffness_exponent;

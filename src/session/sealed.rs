@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn what_is_stored_keeps_its_form() {
         let stamp = r#"{"tick":3,"seq":9}"#;
-        let collider = r#"{"tick":3,"seq":9,"id":"a","mass":80.0,"shape":{"type":"disk","radius":0.3},"position":{"x":1.0,"z":0.7},"heading":0.0,"airborne":false,"bottom":0.5,"sink_depth":0.25,"contact_area":0.125,"pressure":100.0,"resting":true}"#;
+        let collider = r#"{"tick":3,"seq":9,"id":"a","mass":80.0,"shape":{"type":"disk","radius":0.3},"position":{"x":1.0,"z":0.7},"heading":0.0,"airborne":false,"shelters":false,"bottom":0.5,"sink_depth":0.25,"contact_area":0.125,"pressure":100.0,"burden":0.0,"resting":true}"#;
         let numbers = |byte: u8| serde_json::to_string(&[byte; 32]).unwrap();
         let sealed = format!(r#"{{"salt":{},"bytes":[1,2]}}"#, numbers(5));
         for result in [
@@ -141,8 +141,10 @@ mod tests {
                 format!(r#"{{"key":{key},"request":{request},"at_ms":1000,"result":{result}}}"#);
             let done: Done = serde_json::from_str(&text).unwrap();
             assert_eq!(serde_json::to_string(&done).unwrap(), text);
-            // Version 0.1 knew no headings.
-            let older = text.replace(r#""heading":0.0,"airborne":false,"#, "");
+            // Version 0.1 knew no headings, and nothing of snow on objects.
+            let older = text
+                .replace(r#""heading":0.0,"airborne":false,"shelters":false,"#, "")
+                .replace(r#""burden":0.0,"#, "");
             let done: Done = serde_json::from_str(&older).unwrap();
             assert_eq!(serde_json::to_string(&done).unwrap(), text);
         }

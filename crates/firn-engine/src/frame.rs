@@ -170,7 +170,7 @@ pub struct WorkOutcome {
     pub unfinished: bool,
     /// Units that were done in this frame, about.
     pub units: u64,
-    /// For each edit, the mass quanta it refused (`Deposit`, `Lay`) or removed (`Clear`), or its largest dent in
+    /// For each edit, the mass quanta it refused (`Deposit`, `Lay`) or removed (`Clear`, `Strip`), or its largest dent in
     /// thickness quanta (`Stamp`); first for those of the work, then for those of its moves.
     pub edits: Vec<u64>,
     /// 1 + index of the last cycle of the run in which a cell changed; 0 where none did. Where objects move, that is

@@ -162,19 +162,13 @@ impl ColliderPatch {
             motion.leave_path();
             motion.velocity = velocity;
         }
-        let to = self.position.unwrap_or(old.position);
         if self.sweep {
-            if motion.speed.is_some() {
-                motion.leave_path();
-            }
-            // Where it has not got to the end of another sweep, it goes there first.
-            motion.path.push([to.x, to.z]);
-            motion.turn_to = self.heading.or(motion.turn_to);
+            motion.sweep_to(old.position, self.position, self.heading);
         } else {
             if self.position.is_some() {
                 motion.leave_path();
             }
-            body.position = to;
+            body.position = self.position.unwrap_or(old.position);
             body.heading = self.heading.unwrap_or(old.heading);
         }
         if let Some(path) = self.path {

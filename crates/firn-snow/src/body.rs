@@ -61,7 +61,9 @@ pub struct Body {
     #[cfg_attr(feature = "serde", serde(default))]
     pub airborne: bool,
     /// Whether snow that falls on its columns lies on it, not under it.
-    #[cfg_attr(feature = "serde", serde(default = "yes"))]
+    ///
+    /// Objects that were stored before there was a choice let it fall through.
+    #[cfg_attr(feature = "serde", serde(default))]
     pub shelters: bool,
     /// How it moves by itself.
     #[cfg_attr(feature = "serde", serde(flatten))]
@@ -75,11 +77,6 @@ pub struct Cover {
     pub snow: bool,
     /// Clearings leave the snow on which it stands.
     pub clearings: bool,
-}
-
-#[cfg(feature = "serde")]
-fn yes() -> bool {
-    true
 }
 
 impl Default for Body {

@@ -49,11 +49,31 @@ impl Burden {
         self.heat += other.heat;
     }
 
-    /// Takes off what some of the columns have of it, out of so many that it lies on, each the same whole quanta.
-    /// Returns what each of them gets; nothing where that is less than a quantum.
+    /// Cuts off what is thicker than so many quanta. Returns the mass of that.
+    pub fn cut(&mut self, thickest: u128) -> u128 {
+        if self.thickness <= thickest {
+            return 0;
+        }
+        let left = self.mass * thickest / self.thickness;
+        let cut = self.mass - left;
+        *self = match left {
+            0 => Burden::default(),
+            _ => Burden { mass: left, thickness: thickest, heat: self.heat_of(left) },
+        };
+        cut
+    }
+
+    /// Heat of a part of it, by the part's mass.
+    fn heat_of(&self, mass: u128) -> i128 {
+        self.heat * mass as i128 / self.mass.max(1) as i128
+    }
+
+    /// Takes off what some of the columns have of it, out of so many that it lies on, each the same whole quanta of
+    /// mass, and no denser than it is. Returns what each of them gets; nothing where that is less than a quantum.
     pub fn take(&mut self, columns: u64, of: u64) -> Option<Cell> {
-        let part = |sum: u128| u32::try_from(sum / u128::from(of.max(1))).unwrap_or(u32::MAX);
-        let (mass, thickness) = (part(self.mass), part(self.thickness));
+        let of = u128::from(of.max(1));
+        let mass = u32::try_from(self.mass / of).ok()?;
+        let thickness = u32::try_from(self.thickness.div_ceil(of)).ok()?;
         if columns == 0 || mass == 0 || thickness == 0 {
             return None;
         }
@@ -61,8 +81,9 @@ impl Burden {
         let temperature = (self.heat / self.mass as i128) as f32 / DEGREE;
         let left = self.mass - taken;
         // What is left keeps the temperature of all of it.
-        self.heat = self.heat * left as i128 / self.mass as i128;
-        self.thickness -= u128::from(columns) * u128::from(thickness);
+        self.heat = self.heat_of(left);
+        let laid = u128::from(columns) * u128::from(thickness);
+        self.thickness = self.thickness.saturating_sub(laid);
         self.mass = left;
         if left == 0 {
             *self = Burden::default();
@@ -86,6 +107,10 @@ impl Burden {
 mod tests {
     use super::*;
 
+    fn density(burden: &Burden) -> f64 {
+        burden.mass as f64 / burden.thickness as f64
+    }
+
     #[test]
     fn what_is_taken_and_what_is_left_are_all_of_it() {
         let mut burden = Burden::of(7, 1_000_003, 5_000_001, -3.2);
@@ -97,11 +122,23 @@ mod tests {
             assert!((-3.3..=-3.1).contains(&cell.temperature), "{}", cell.temperature);
             laid.mass += u128::from(columns) * u128::from(cell.mass);
             laid.thickness += u128::from(columns) * u128::from(cell.thickness);
+            let (own, before) = (f64::from(cell.mass) / f64::from(cell.thickness), density(&all));
+            assert!(own <= before * 1.001, "{own} is denser than {before}");
             assert!(burden.is_sound(), "{burden:?}");
         }
         assert_eq!(laid.mass + burden.mass, all.mass);
-        assert_eq!(laid.thickness + burden.thickness, all.thickness);
+        assert!((laid.thickness + burden.thickness).abs_diff(all.thickness) < 20);
         assert!(burden.mass < 4);
+    }
+
+    #[test]
+    fn what_is_too_thick_is_cut() {
+        let mut burden = Burden::of(10, 600, 100, -2.0);
+        assert_eq!(burden.cut(1000), 0);
+        assert_eq!(burden.cut(250), 4500);
+        assert_eq!(burden, Burden { mass: 1500, thickness: 250, heat: 1500 * -512 });
+        assert_eq!(burden.cut(0), 1500);
+        assert_eq!(burden, Burden::default());
     }
 
     #[test]

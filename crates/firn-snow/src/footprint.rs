@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::body::Position;
-use super::grid::{CELL, Grid};
+use super::grid::{CELL, Grid, TILE_SIDE};
 use super::shape::{EDGE_SLACK, Shape, Turn};
 
 /// The columns under an outline: one span of columns for each row along z.
@@ -122,9 +122,15 @@ impl Footprint {
     /// The same tiles, each with the columns of it that are under the outline, bit by bit.
     pub fn columns_of_tiles(&self, grid: &Grid) -> Vec<(u32, u64)> {
         let mut tiles = BTreeMap::new();
-        for (x, z) in self.iter() {
-            let (tile, column) = grid.locate(x, z);
-            *tiles.entry(tile).or_insert(0) |= 1 << column;
+        for (&(x0, x1), z) in self.spans.iter().zip(self.z0..) {
+            let mut x = x0;
+            while x < x1 {
+                let (tile, column) = grid.locate(x, z);
+                // Columns up to the end of the tile or of the span, whatever comes first.
+                let count = (TILE_SIDE - x % TILE_SIDE).min(x1 - x);
+                *tiles.entry(tile).or_insert(0) |= ((1u64 << count) - 1) << column;
+                x += count;
+            }
         }
         tiles.into_iter().collect()
     }

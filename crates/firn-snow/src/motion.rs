@@ -10,6 +10,12 @@ pub const MOST_STEPS: u32 = 64;
 /// How near to a point of its path an object has passed it \[m\]: sums of steps are rounded.
 const ARRIVED: f64 = 1e-9;
 
+/// Most sweeps that wait for a cycle.
+const MOST_SWEEPS: usize = 16;
+
+/// Points of a path that are told of an object.
+const TOLD_POINTS: usize = 16;
+
 /// Most points of a path.
 pub const MOST_PATH_POINTS: usize = 4096;
 
@@ -27,7 +33,7 @@ pub struct Motion {
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "is_zero"))]
     #[cfg_attr(feature = "schema", schema(required = false))]
     pub turn_rate: f64,
-    /// Points \[x, z\] \[m\] that it still has to pass, in order; absent where there are none.
+    /// Points \[x, z\] \[m\] that it still has to pass, in order, the next 16 at the most; absent where there are none.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     #[cfg_attr(feature = "schema", schema(required = false))]
     pub path: Vec<[f64; 2]>,
@@ -50,6 +56,18 @@ impl Motion {
     /// Whether its heading changes.
     pub fn turns(&self) -> bool {
         self.turn_rate != 0.0 || self.turn_to.is_some()
+    }
+
+    /// Sweeps it from where it is to another position, heading, or both. Where it has not got to the end of another
+    /// sweep, it goes there first; the last of very many takes the place of the one before.
+    pub fn sweep_to(&mut self, from: Position, to: Option<Position>, heading: Option<f64>) {
+        if self.speed.is_some() {
+            self.leave_path();
+        }
+        let end = self.path.last().copied().unwrap_or([from.x, from.z]);
+        self.path.truncate(MOST_SWEEPS - 1);
+        self.path.push(to.map_or(end, |to| [to.x, to.z]));
+        self.turn_to = heading.or(self.turn_to);
     }
 
     /// Forgets the path.
@@ -107,20 +125,20 @@ impl Body {
         steps_of(travel / grid.cell_size)
     }
 
-    /// Moves it by the first of so many equal steps that are left of a cycle, each of `dt` seconds. Returns what it
+    /// Moves it by the first of so many equal steps that are left of a cycle, each of `step_dt` seconds. Returns what it
     /// stands on then; nothing where it has not moved. At the edge of the grid it stops, with the last of its columns
     /// in there.
-    pub fn step(&mut self, grid: &Grid, dt: f64, left: u32) -> Option<Vec<Footprint>> {
+    pub fn step(&mut self, grid: &Grid, step_dt: f64, left: u32) -> Option<Vec<Footprint>> {
         if self.motion.is_still() {
             return None;
         }
         let before = (self.position, self.heading);
-        self.turn(self.motion.turn_rate * dt);
+        self.turn(self.motion.turn_rate * step_dt);
         if self.motion.path.is_empty() {
-            self.position.x += self.motion.velocity.x * dt;
-            self.position.z += self.motion.velocity.z * dt;
+            self.position.x += self.motion.velocity.x * step_dt;
+            self.position.z += self.motion.velocity.z * step_dt;
         } else if let Some(speed) = self.motion.speed {
-            self.follow_path(speed * dt);
+            self.follow_path(speed * step_dt);
         } else {
             self.sweep(grid, left);
         }
@@ -179,6 +197,18 @@ impl Body {
         if self.motion.path.is_empty() {
             self.heading = self.motion.turn_to.unwrap_or(self.heading);
             self.motion.leave_path();
+        }
+    }
+
+    /// The object as it is told: with the next points of its path alone, because it is told with every step.
+    pub fn told(&self) -> Body {
+        let Motion { velocity, turn_rate, ref path, speed, turn_to } = self.motion;
+        let path = path[..path.len().min(TOLD_POINTS)].to_vec();
+        Body {
+            shape: self.shape.clone(),
+            footprints: self.footprints.clone(),
+            motion: Motion { velocity, turn_rate, path, speed, turn_to },
+            ..*self
         }
     }
 

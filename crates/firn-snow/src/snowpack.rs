@@ -97,6 +97,11 @@ impl Snowpack {
         self.edit(rect, |_| 0, |column| column.deposit(slots, mass, depth, temperature))
     }
 
+    /// Removes what is above a depth in quanta, under objects too; returns the mass quanta removed.
+    pub fn strip(&mut self, rect: ColumnRect, depth: u32) -> u64 {
+        self.edit(rect, |_| 0, |column| column.clear(depth))
+    }
+
     /// Removes what is above a depth in quanta where no object stands; returns the mass quanta removed.
     pub fn clear(&mut self, rect: ColumnRect, depth: u32) -> u64 {
         self.edit(rect, |tile| tile.stood_on, |column| column.clear(depth))

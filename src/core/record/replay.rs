@@ -121,6 +121,6 @@ impl Simulation {
 }
 
 fn begins_a_round(before: &Edit, edit: &Edit) -> bool {
-    let falls = |edit: &Edit| matches!(edit, Edit::Deposit(_) | Edit::Lay(_) | Edit::Clear { .. });
+    let falls = |edit: &Edit| edit.columns().is_some() && !matches!(edit, Edit::Stamp(_));
     falls(edit) && !falls(before)
 }

@@ -34,9 +34,11 @@ impl SessionState {
                 self.shelter(columns, &kept, *celsius, orders);
                 Disturbed { tiles: Some(columns.tiles().columns()), all: false }
             }
-            Command::Clear { columns, depth } => clear(&[*columns], *depth, orders),
+            Command::Clear { columns, depth, spares } => {
+                clear(&[*columns], *depth, *spares, orders)
+            }
             Command::ClearPath { path, width, depth } => {
-                clear(&columns_along(&self.grid, path, *width), *depth, orders)
+                clear(&columns_along(&self.grid, path, *width), *depth, true, orders)
             }
             // They were in the grid when this was decided.
             Command::Stamps(stamps) => {
@@ -88,7 +90,7 @@ impl SessionState {
     /// Puts an object. Returns on how many tiles it stands.
     fn put(&mut self, id: &Arc<str>, object: &Body, orders: &mut Orders) -> u64 {
         let before = self.colliders.remove(id);
-        let carried = before.as_ref().map(|old| old.carried).unwrap_or_default();
+        let carried = before.as_ref().map(|old| old.carried.clone()).unwrap_or_default();
         // It was in the grid when this was decided.
         let Some(mut collider) = Collider::new(object.clone(), carried, &self.grid) else {
             return 0;
@@ -97,7 +99,7 @@ impl SessionState {
         let placed = before.as_ref().is_none_or(|old| !old.body.stands_as(object));
         if let Some(mut old) = before.filter(|_| placed) {
             let after = ColumnSet::under(&collider.placement.footprints);
-            self.lay_down(id, &mut old, &after, orders);
+            self.lay_down(&mut old, &after, Some(id), orders);
             collider.carry(old.carried, &self.grid);
         }
         if object.motion.is_still() {
@@ -112,12 +114,12 @@ impl SessionState {
         tiles
     }
 
-    /// Takes an object away. Snow that lies on it is laid down; what can't be is refused. Returns on how many tiles it
-    /// stood.
+    /// Takes an object away. Snow that lies on it is laid down; what finds no room is refused. Returns on how many
+    /// tiles it stood.
     fn remove(&mut self, id: &Arc<str>, orders: &mut Orders) -> u64 {
         let Some((id, mut collider)) = self.colliders.remove_entry(id) else { return 0 };
         self.movers.remove(&id);
-        self.lay_down(&id, &mut collider, &ColumnSet::default(), orders);
+        self.lay_down(&mut collider, &ColumnSet::default(), None, orders);
         let rest = collider.carried.mass();
         self.ledger.carried -= rest;
         self.ledger.refused += rest;
@@ -136,11 +138,14 @@ pub(crate) fn press(prints: impl Iterator<Item = Arc<Stamp>>, orders: &mut Order
     Disturbed { tiles: Some(tiles), all: false }
 }
 
-/// Clears rectangles of columns to a depth in quanta.
-fn clear(rects: &[ColumnRect], depth: u32, orders: &mut Orders) -> Disturbed {
+/// Clears rectangles of columns to a depth in quanta, under objects too or but for those.
+fn clear(rects: &[ColumnRect], depth: u32, spares: bool, orders: &mut Orders) -> Disturbed {
     for &columns in rects {
         orders.counted.push(Counted::Cleared(orders.edits.len()));
-        orders.edits.push(Edit::Clear { columns, depth });
+        orders.edits.push(match spares {
+            true => Edit::Clear { columns, depth },
+            false => Edit::Strip { columns, depth },
+        });
     }
     let tiles = rects.iter().map(|columns| columns.tiles().columns()).sum();
     Disturbed { tiles: Some(tiles), all: false }

@@ -42,6 +42,11 @@ pub struct Advance {
 }
 
 impl Advance {
+    /// Cycles that are taken together, whatever the ticks are cut into.
+    pub fn cycles_at_once(&self) -> u32 {
+        self.cycles.max(1)
+    }
+
     /// Ticks after which nothing moves any more, where the last change was in a cycle (counted
     /// from 1; 0 for none). `None` where the run ended in a change, or had no cycle.
     pub fn settled_after(&self, last_change: u32) -> Option<u64> {

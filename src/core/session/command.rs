@@ -17,8 +17,14 @@ use crate::core::session::{Ground, Told};
 pub(crate) enum Command {
     /// So much falls on each of some columns, in quanta.
     Deposit { columns: ColumnRect, depth: u64, mass: u64, celsius: f32 },
-    /// Columns are cleared to a depth in quanta.
-    Clear { columns: ColumnRect, depth: u32 },
+    /// Columns are cleared to a depth in quanta, but for those on which objects stand. Clearings that were stored before
+    /// there was a choice spare none.
+    Clear {
+        columns: ColumnRect,
+        depth: u32,
+        #[serde(default)]
+        spares: bool,
+    },
     /// Columns along a path are cleared to a depth in quanta.
     ClearPath { path: Vec<[f64; 2]>, width: f64, depth: u32 },
     /// All settings, as they become.

@@ -1,5 +1,6 @@
 //! Changes of clients, checked and completed to commands, or refused.
 
+mod bodies;
 mod objects;
 mod settings;
 mod stamps;

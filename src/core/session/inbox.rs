@@ -195,7 +195,7 @@ impl Simulation {
     fn decide(&mut self, change: &Change, most: usize) -> Result<Decision, SessionError> {
         let decision = self.state.decide(change, Some(most))?;
         let (less, more) = self.state.object_words(&decision.command);
-        self.object_rows.try_take(self.object_rows.taken() - less + more)?;
+        self.object_rows.try_take(self.object_rows.taken().saturating_sub(less) + more)?;
         Ok(decision)
     }
 
@@ -206,7 +206,7 @@ impl Simulation {
             self.begin_anew(origin.as_ref());
         } else {
             let (less, more) = self.state.object_words(command);
-            self.object_rows.take(self.object_rows.taken() - less + more);
+            self.object_rows.take(self.object_rows.taken().saturating_sub(less) + more);
             self.carry_out(command);
         }
     }

@@ -5,12 +5,30 @@ use std::sync::Arc;
 use firn_engine::frame::{Edit, Moves, Placement, Run};
 use firn_snow::ColumnSet;
 
-use crate::core::session::{Collider, Counted, Orders, Reach, SessionState};
+use crate::core::session::{Collider, Counted, Orders, SessionState};
+
+/// Places of objects that are made for cycles which are taken at once, about.
+const MOST_PLACES: usize = 1 << 17;
+
+/// How objects move through cycles.
+struct Pace {
+    /// Length of a cycle \[s\].
+    dt: f64,
+    /// Steps of a cycle in which they move.
+    steps: u32,
+    /// They move in one of so many cycles.
+    every: u32,
+}
 
 impl SessionState {
     /// Whether an object moves by itself.
     pub fn moves(&self) -> bool {
         !self.movers.is_empty()
+    }
+
+    /// Whether ticks do more than let snow settle.
+    pub fn is_restless(&self) -> bool {
+        self.moves() || self.returned
     }
 
     /// Steps of a cycle of `dt` seconds in which objects move: as many as the fastest of them takes.
@@ -19,36 +37,55 @@ impl SessionState {
         movers.map(|mover| mover.body.steps(&self.grid, dt)).max().unwrap_or(1)
     }
 
-    /// Moves objects through some cycles, after the edits of some orders. Returns what the device does of that, cycle by
-    /// cycle; nothing where none moves in the first.
-    pub fn move_objects(&mut self, run: Run, orders: &mut Orders) -> Vec<Moves> {
+    /// Moves objects through some cycles, so many at once, after the edits of some orders. Returns what the device does
+    /// of that, cycle by cycle; nothing where none moves in the first.
+    pub fn move_objects(&mut self, run: Run, at_once: u32, orders: &mut Orders) -> Vec<Moves> {
         if !self.moves() {
             return Vec::new();
         }
         let mut edits = orders.edits.len();
-        let mut cycle = |_| self.move_through_cycle(run.dt, &mut edits, &mut orders.counted);
-        (0..run.cycles).map(&mut cycle).collect()
+        let mut all = Vec::with_capacity(run.cycles as usize);
+        while all.len() < run.cycles as usize {
+            let pace = self.pace(run.dt, at_once);
+            for cycle in 0..at_once {
+                // Of very many, objects move in some: as far as in all of them.
+                let part = pace.every.min(at_once - cycle);
+                all.push(match cycle % pace.every {
+                    0 => self.move_through_cycle(&pace, part, &mut edits, &mut orders.counted),
+                    _ => Moves::default(),
+                });
+            }
+        }
+        all
     }
 
-    /// Moves objects through a cycle; `edits` numbers what the device does.
+    /// How objects move through cycles of `dt` seconds of which so many are taken at once.
+    fn pace(&self, dt: f64, at_once: u32) -> Pace {
+        let most = (MOST_PLACES / self.movers.len().max(1)).max(1);
+        let steps = (self.steps_of_cycle(dt) as usize).min(most);
+        let every = (at_once as usize * steps).div_ceil(most).min(at_once as usize);
+        Pace { dt, steps: steps as u32, every: every.max(1) as u32 }
+    }
+
+    /// Moves objects as far as in so many cycles, in the steps of one; `edits` numbers what the device does.
     fn move_through_cycle(
         &mut self,
-        dt: f64,
+        pace: &Pace,
+        cycles: u32,
         edits: &mut usize,
         counted: &mut Vec<Counted>,
     ) -> Moves {
         if !self.moves() {
             return Moves::default();
         }
-        let steps = self.steps_of_cycle(dt);
-        let step = |left| self.step(dt / f64::from(steps), left, edits, counted);
-        let moves = Moves { steps: (1..=steps).rev().map(step).collect() };
-        for id in std::mem::take(&mut self.movers) {
-            let Some(mover) = self.colliders.get_mut(&id) else { continue };
-            mover.reach = Reach::new(&mover.body, &self.grid);
-            if !mover.body.motion.is_still() {
-                self.movers.insert(id);
-            }
+        let step_dt = pace.dt * f64::from(cycles) / f64::from(pace.steps);
+        let step = |left| self.step(step_dt, left, edits, counted);
+        let moves = Moves { steps: (1..=pace.steps).rev().map(step).collect() };
+        let still =
+            |id: &Arc<str>| self.colliders.get(id).is_none_or(|it| it.body.motion.is_still());
+        let stopped: Vec<Arc<str>> = self.movers.iter().filter(|id| still(id)).cloned().collect();
+        for id in stopped {
+            self.movers.remove(&id);
         }
         moves
     }
@@ -57,7 +94,7 @@ impl SessionState {
     /// before.
     fn step(
         &mut self,
-        dt: f64,
+        step_dt: f64,
         left: u32,
         edits: &mut usize,
         counted: &mut Vec<Counted>,
@@ -65,11 +102,9 @@ impl SessionState {
         let (mut laid, mut put) = (Vec::new(), Vec::new());
         for id in &self.movers {
             let Some(mover) = self.colliders.get_mut(id) else { continue };
-            let Some(footprints) = mover.body.step(&self.grid, dt, left) else { continue };
-            let before = mover.carried.mass();
-            if let Some(snow) = mover.unload(&ColumnSet::under(&footprints)) {
-                self.ledger.carried -= before - mover.carried.mass();
-                for (edit, count) in snow.edits(id, *edits + laid.len()) {
+            let Some(footprints) = mover.body.step(&self.grid, step_dt, left) else { continue };
+            if let Some(snow) = mover.unload(&ColumnSet::under(&footprints), &mut self.ledger) {
+                for (edit, count) in snow.edits(Some(id), *edits + laid.len()) {
                     laid.push(edit);
                     counted.push(count);
                 }

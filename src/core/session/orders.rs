@@ -1,5 +1,6 @@
 //! What a session has to do in a frame, and who waits for it.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use firn_engine::frame::{ColumnRead, Edit, SampleBox, Stamp};
@@ -21,6 +22,8 @@ pub(crate) struct Orders {
     pub edits: Vec<Edit>,
     /// Edits whose outcome goes into the ledger.
     pub counted: Vec<Counted>,
+    /// Objects on which more snow lies, or less.
+    pub weighed: BTreeSet<Arc<str>>,
     /// Changes that were made or refused for it, each object of a batch for itself.
     pub changes: usize,
     pub wake: bool,

@@ -181,7 +181,7 @@ fn cells_of_tile(grid: &Grid) -> u64 {
 fn units_of(edit: &Edit, grid: &Grid) -> u64 {
     match edit {
         Edit::Deposit(fall) | Edit::Lay(fall) => FALL * fall.columns.columns(),
-        Edit::Clear { columns, .. } => FALL * columns.columns(),
+        Edit::Clear { columns, .. } | Edit::Strip { columns, .. } => FALL * columns.columns(),
         Edit::Stamp(stamp) => stamp.units(grid.height),
         Edit::PutCollider { collider, .. } => 1 + collider.columns(),
         Edit::RemoveCollider { .. } => 1,

@@ -343,7 +343,7 @@ fn view(id: &str, collider: &Collider, grid: &Grid) -> ColliderView {
     let contact = &collider.contact;
     ColliderView {
         id: id.to_owned(),
-        body: collider.body.clone(),
+        body: collider.body.told(),
         bottom: contact.bottom.metres(grid),
         sink_depth: Elevation(contact.reference - contact.bottom).metres(grid),
         contact_area: if collider.body.airborne { 0.0 } else { f64::from(contact.area) },

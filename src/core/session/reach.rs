@@ -2,7 +2,7 @@
 //! costs follow from that.
 
 use firn_engine::frame::contact_units;
-use firn_snow::{Body, Grid, Shape, TILE_COLUMNS, TILE_SIDE};
+use firn_snow::{Body, Grid, Shape, TILE_COLUMNS, TILE_SIDE, Turn};
 
 /// Words of four bytes of a footprint itself in the device's tables.
 const WORDS: u64 = 15;
@@ -22,12 +22,16 @@ impl Reach {
     /// Of an object, as it is turned, or however it turns.
     pub fn new(object: &Body, grid: &Grid) -> Reach {
         object.outlines().fold(Reach::default(), |all, (shape, _, turn)| {
-            let reach = shape.reach(turn);
-            let (width, depth) = (reach.x1 - reach.x0, reach.z1 - reach.z0);
+            let extent = |turn| {
+                let reach = shape.reach(turn);
+                (reach.x1 - reach.x0, reach.z1 - reach.z0)
+            };
+            // What turns takes no more than its diagonal, whatever its heading.
+            let (width, depth) = extent(Turn::NONE);
             let diagonal = width.hypot(depth);
             let turns = object.motion.turns();
-            let extent = if turns { (diagonal, diagonal) } else { (width, depth) };
-            let own = Reach::of(shape, extent, grid);
+            let own = if turns { (diagonal, diagonal) } else { extent(turn) };
+            let own = Reach::of(shape, own, grid);
             Reach {
                 columns: all.columns + own.columns,
                 rows: all.rows + own.rows,
@@ -65,7 +69,7 @@ impl Reach {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firn_snow::Position;
+    use firn_snow::{Motion, Position};
 
     #[test]
     fn an_object_takes_no_more_than_it_says_wherever_it_stands() {
@@ -92,6 +96,31 @@ mod tests {
                 assert!(WORDS + needed as u64 <= reach.words(), "{object:?}");
                 assert!(u64::from(footprint.columns) <= reach.columns, "{object:?}");
                 assert!(tiles as u64 <= reach.tiles, "{object:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_turns_takes_the_same_at_every_heading() {
+        let grid = Grid { width: 100, depth: 60, height: 9, cell_size: 0.1 };
+        let ski = Shape::Box { width: 0.2, depth: 1.8 };
+        let wheel = Shape::Wheel { width: 0.3, radius: 0.5 };
+        for shape in [ski, wheel] {
+            let turning = |heading| Body {
+                shape: Some(shape.clone()),
+                position: Position { x: 5.03, z: 3.01 },
+                heading,
+                motion: Motion { turn_rate: 20.0, ..Motion::default() },
+                ..Body::default()
+            };
+            let reserved = Reach::new(&turning(0.0), &grid);
+            for heading in (0..360).step_by(7).map(f64::from) {
+                let object = turning(heading);
+                assert_eq!(Reach::new(&object, &grid), reserved, "at {heading}°");
+                let footprint = &object.on(&grid).unwrap()[0];
+                let tiles = footprint.tiles(&grid).len();
+                let needed = 2 * footprint.spans.len() + tiles + footprint.lifts.len();
+                assert!(WORDS + needed as u64 <= reserved.words(), "at {heading}°");
             }
         }
     }

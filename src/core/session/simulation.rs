@@ -155,6 +155,7 @@ impl Simulation {
         self.next.reset = true;
         // What came before in this frame is of a ledger that is gone.
         self.next.counted.clear();
+        self.next.weighed.clear();
         self.object_rows.take(0);
         let before = std::mem::replace(&mut self.state, SessionState::new(spec));
         if before.ground.is_some() {
@@ -211,7 +212,7 @@ impl Simulation {
     /// Whether nothing can move in any tick until it is disturbed, by snow that falls too.
     pub(crate) fn is_still(&self) -> bool {
         let cycle = self.state.clock.steady_cycle();
-        cycle.is_none_or(|dt| self.still && Some(dt) == self.last_dt && !self.state.moves())
+        cycle.is_none_or(|dt| self.still && Some(dt) == self.last_dt && !self.state.is_restless())
     }
 
     /// Whether its ticks pass by themselves: nothing moves, and its time goes on.

@@ -57,6 +57,12 @@ impl Simulation {
         }
         let clock_before = self.state.clock;
         let mut advance = self.take_ticks(turn);
+        if advance.ticks > 0 {
+            let weighed = self.state.take_back(clock_before.tick(), &mut self.next);
+            if weighed > 0 {
+                self.disturb(weighed);
+            }
+        }
         if advance.run.cycles > 0 {
             if self.last_dt != Some(advance.run.dt) {
                 self.wake();
@@ -69,10 +75,8 @@ impl Simulation {
         let run = advance.run;
         self.unpublished |= advance.ticks > 0 || self.has_orders();
         let mut orders = std::mem::take(&mut self.next);
-        if advance.ticks > 0 {
-            self.state.weigh_returned(clock_before.tick(), &mut orders);
-        }
-        let moves = self.state.move_objects(run, &mut orders);
+        self.state.weigh(&mut orders);
+        let moves = self.state.move_objects(run, advance.cycles_at_once(), &mut orders);
         let publish = match &self.replay {
             Some(replay) => replay.publishes(),
             None => orders.are_awaited() || (self.is_to_publish(turn) && self.unpublished),

@@ -48,7 +48,7 @@ pub struct SavedCollider {
 impl SavedCollider {
     /// The object; `None` where it does not stand in the grid.
     pub fn collider(&self, grid: &Grid) -> Option<Collider> {
-        let new = Collider::new(self.body.clone(), self.carried, grid)?;
+        let new = Collider::new(self.body.clone(), self.carried.clone(), grid)?;
         Some(Collider { contact: self.contact, ..new })
     }
 }
@@ -59,7 +59,7 @@ impl Description {
         let grid = self.spec.grid;
         let collider =
             |saved: &SavedCollider| Some((Arc::from(saved.id.as_str()), saved.collider(&grid)?));
-        let returned = |saved: &SavedCollider| !saved.carried.returned.is_none();
+        let returned = |saved: &SavedCollider| !saved.carried.returned.is_empty();
         let moves = |saved: &&SavedCollider| !saved.body.motion.is_still();
         SessionState {
             returned: self.colliders.iter().any(returned),

@@ -217,6 +217,10 @@ impl Job {
                 let part = row_of(*columns, next);
                 (snowpack.clear(part, *depth), EDIT * part.columns(), rows_of(*columns))
             }
+            Edit::Strip { columns, depth } => {
+                let part = row_of(*columns, next);
+                (snowpack.strip(part, *depth), EDIT * part.columns(), rows_of(*columns))
+            }
             Edit::Stamp(stamp) => {
                 let columns = stamp.coverage.columns;
                 let part = row_of(columns, next);

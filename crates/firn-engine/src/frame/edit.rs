@@ -51,6 +51,13 @@ pub enum Edit {
         /// Depth left standing, in thickness quanta.
         depth: u32,
     },
+    /// Snow is removed above a depth, under objects too.
+    Strip {
+        /// The columns.
+        columns: ColumnRect,
+        /// Depth left standing, in thickness quanta.
+        depth: u32,
+    },
     /// Columns are pressed at once.
     Stamp(Arc<Stamp>),
     /// An object is placed, replaced or moved.
@@ -88,7 +95,7 @@ impl Edit {
     pub fn columns(&self) -> Option<ColumnRect> {
         match self {
             Edit::Deposit(fall) | Edit::Lay(fall) => Some(fall.columns),
-            Edit::Clear { columns, .. } => Some(*columns),
+            Edit::Clear { columns, .. } | Edit::Strip { columns, .. } => Some(*columns),
             Edit::Stamp(stamp) => Some(stamp.coverage.columns),
             _ => None,
         }

@@ -58,8 +58,6 @@ impl GpuBackend {
         let loaded = frame.work.iter().zip(&parts).filter(|(_, part)| part.may_be_loaded);
         planner.runs(residents, &frame.work, loaded.map(|(work, _)| work), &totals);
         let mut moving: Vec<Moving> = moving.into_values().map(|(_, moving)| moving).collect();
-        let moving_whole = moving.len();
-        let mut movers = Vec::new();
         let mut flown = BTreeMap::new();
         for (place, part) in parted {
             let slot = frame.work[place].slot;
@@ -69,40 +67,17 @@ impl GpuBackend {
             planner.part(slot, resident, &mut job, &part, first_result);
             flown.insert(place, job.flown(&part));
             cycles[place] = job.cycles();
-            if let Some(part_of_moves) = job.take_moving(&part, first_result) {
-                moving.push(part_of_moves);
-                movers.push(slot);
-            }
+            moving.extend(job.take_moving(&part, first_result));
             resident.job = Some(job);
         }
-        let mut dispatches = planner.dispatches;
-        let schedules = |dispatch: &Dispatch| dispatch.kernel == KernelId::Schedule;
-        let scheduled = dispatches.iter().any(schedules);
-        loop {
-            let (mut planner, residents) = self.planner(&mut evaluated);
-            planner.dispatches = dispatches;
-            let moved = planner.step(residents, &mut moving);
-            let full = planner.is_full();
-            dispatches = planner.dispatches;
-            if !moved {
-                break;
-            }
-            if full {
-                encoder = self.submit_some(encoder, &dispatches);
-                dispatches.clear();
-            }
-        }
-        let (mut planner, residents) = self.planner(&mut evaluated);
-        planner.dispatches = dispatches;
-        planner.end_moves(residents, &mut moving);
-        for (slot, moving) in movers.into_iter().zip(moving.drain(moving_whole..)) {
-            if let Some(job) = residents.get_mut(slot).and_then(|it| it.job.as_mut()) {
-                job.keep_moving(moving);
-            }
-        }
-        planner.reports(residents, &frame.work, &totals);
         let dispatches = planner.dispatches;
         (self.flown, self.cycles) = (flown, cycles);
+        let scheduled = dispatches.iter().any(|dispatch| dispatch.kernel == KernelId::Schedule);
+        let (mut encoder, dispatches) = self.take_steps(encoder, dispatches, moving);
+        let (mut planner, residents) = self.planner(&mut evaluated);
+        planner.dispatches = dispatches;
+        planner.reports(residents, &frame.work, &totals);
+        let dispatches = planner.dispatches;
         self.encode(&mut encoder, &dispatches);
         if scheduled {
             self.tables.due.clear(&mut encoder);
@@ -118,6 +93,37 @@ impl GpuBackend {
         let reports = Reports::new(&frame.work, parts, &self.residents);
         self.readback.begin(submission, reports);
         Ok(())
+    }
+
+    /// Plans the steps of snowpacks in which objects move, after what is planned already. What the tables have no more
+    /// room for is submitted. Returns an encoder for what follows, and what is planned and not submitted.
+    fn take_steps(
+        &mut self,
+        mut encoder: wgpu::CommandEncoder,
+        mut dispatches: Vec<Dispatch>,
+        mut moving: Vec<Moving>,
+    ) -> (wgpu::CommandEncoder, Vec<Dispatch>) {
+        let mut evaluated = BTreeSet::new();
+        let mut moves = !moving.is_empty();
+        while moves {
+            let (mut planner, residents) = self.planner(&mut evaluated);
+            planner.dispatches = dispatches;
+            moves = planner.step(residents, &mut moving);
+            let full = planner.is_full();
+            dispatches = planner.dispatches;
+            if full {
+                encoder = self.submit_some(encoder, &dispatches);
+                dispatches.clear();
+            }
+        }
+        let (mut planner, residents) = self.planner(&mut evaluated);
+        for mut moving in moving {
+            planner.mark_moved(residents, &mut moving);
+            if let Some(job) = residents.get_mut(moving.slot()).and_then(|it| it.job.as_mut()) {
+                job.keep_moving(moving);
+            }
+        }
+        (encoder, dispatches)
     }
 
     fn encoder(&self) -> wgpu::CommandEncoder {

@@ -39,6 +39,8 @@ pub const DEPOSIT: u32 = 0;
 pub const CLEAR: u32 = 1;
 /// `Operation.kind`: snow is laid, under objects too.
 pub const LAY: u32 = 2;
+/// `Operation.kind`: snow is cleared, under objects too.
+pub const STRIP: u32 = 3;
 /// `Tile.session` of a tile that no session owns.
 pub const NO_SESSION: u32 = u32::MAX;
 /// `Collider.first_lift` of a flat footprint.
@@ -338,7 +340,7 @@ pub struct Operation {
     /// Mass quanta that fall; depth in thickness quanta, of what falls or of what is left standing;
     /// mass quanta of a full cell of what falls; bits of its temperature \[°C\].
     pub snow: [u32; 4],
-    /// [`DEPOSIT`] or [`CLEAR`].
+    /// [`DEPOSIT`], [`CLEAR`], [`LAY`] or [`STRIP`].
     pub kind: u32,
     /// Its row in the table of results.
     pub result: u32,
@@ -463,7 +465,7 @@ pub struct Pass {
     pub cycles: u32,
     /// The page whose cells are bound.
     pub page: u32,
-    /// [`AFTER_EDITS`], [`BACKWARDS`] and [`UNDER_OBJECTS`].
+    /// [`AFTER_EDITS`], [`BACKWARDS`], [`UNDER_OBJECTS`], [`LISTED`] and [`STEPPED`].
     pub flags: u32,
     /// Where the length of a list of tiles stands.
     pub length: u32,

@@ -3,6 +3,7 @@
 mod edits;
 mod job;
 mod moves;
+mod objects;
 mod reports;
 mod runs;
 

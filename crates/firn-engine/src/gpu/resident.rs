@@ -221,7 +221,7 @@ pub fn rounds(edits: Vec<(u32, Edit)>) -> Vec<(Vec<(u32, Edit)>, u64)> {
     for (number, edit) in edits {
         let rows = edit.columns().map_or(0, |columns| columns.tiles().columns());
         let phase = match &edit {
-            Edit::Deposit(_) | Edit::Lay(_) | Edit::Clear { .. } => 0,
+            Edit::Deposit(_) | Edit::Lay(_) | Edit::Clear { .. } | Edit::Strip { .. } => 0,
             Edit::Stamp(_) => 1,
             _ => 2,
         };

@@ -55,7 +55,7 @@ impl SessionState {
         }
         let columns = columns_in(clearing.region.as_ref(), grid, &mut check);
         check.finish()?;
-        let command = Command::Clear { columns, depth };
+        let command = Command::Clear { columns, depth, spares: true };
         Ok(Decision { command, told: Told::Clearing { columns, edits: 1 } })
     }
 

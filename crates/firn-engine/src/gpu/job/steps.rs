@@ -1,5 +1,6 @@
 //! The steps of a job, stage by stage.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use firn_snow::TILE_COLUMNS;
@@ -308,8 +309,8 @@ impl Job {
         let bodies = resident.bodies.values().map(|body| contact_units(body.placement.columns()));
         let (bodies, loaded) = (bodies.sum::<u64>(), resident.loads.len());
         let cycle = |moves: &Moves| {
-            let tiles = (loaded + moves.tiles(grid).count() / moves.count() as usize) as u64;
-            let step = bodies + cells * tiles;
+            let tiles = loaded + moves.tiles(grid).collect::<BTreeSet<u32>>().len();
+            let step = bodies + cells * tiles as u64;
             step * u64::from(moves.count()) + cells * resident.most_free() as u64
         };
         self.moves.iter().map(cycle).sum()

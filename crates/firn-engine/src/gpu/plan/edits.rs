@@ -1,17 +1,16 @@
-//! Snow that falls or is cleared, objects that come, move and go, and what they press on.
+//! Snow that falls, is laid, cleared or pressed, and stresses that follow from edits.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
-use std::sync::Arc;
 
-use firn_snow::{ColumnRect, Contact, SurfaceLoad, TILE_SIDE};
+use firn_snow::{ColumnRect, SurfaceLoad, TILE_SIDE};
 
-use crate::frame::{Contents, Deposit, Edit, Placement, Slot};
+use crate::frame::{Deposit, Edit, Slot};
 use crate::gpu::kernels::KernelId;
 use crate::gpu::layout::{
-    AFTER_EDITS, CLEAR, DEPOSIT, EditJob, LAY, LoadJob, Operation, Pass, Stamp, Tile,
+    AFTER_EDITS, CLEAR, DEPOSIT, EditJob, LAY, LoadJob, Operation, Pass, STRIP, Stamp,
 };
-use crate::gpu::resident::{Body, Resident, Residents};
+use crate::gpu::resident::{Resident, Residents};
 
 use super::{Planner, Round, tiles_in};
 
@@ -108,7 +107,7 @@ impl Planner<'_> {
         let evaluates = edits.iter().any(|(_, edit)| !matches!(edit, Edit::Restore(_)));
         for (result, edit) in edits {
             match edit {
-                Edit::Deposit(_) | Edit::Lay(_) | Edit::Clear { .. } | Edit::Stamp(_) => {
+                edit if edit.columns().is_some() => {
                     self.operate(resident, &edit, result, ALL_ROWS, &mut changed);
                 }
                 other => {
@@ -156,62 +155,6 @@ impl Planner<'_> {
         }
     }
 
-    /// Carries out an edit that lets no snow fall and clears none, but for what is written of it. Adds the tiles whose stress may be
-    /// another then, and returns whether objects have come, moved or gone.
-    pub(super) fn alter(
-        &mut self,
-        slot: Slot,
-        resident: &mut Resident,
-        edit: Edit,
-        stressed: &mut BTreeSet<u32>,
-    ) -> bool {
-        match edit {
-            Edit::PutCollider { id, collider, placed } => {
-                let old = resident.bodies.remove(&id);
-                stressed.extend(old.iter().flat_map(|old| old.tiles()));
-                let same =
-                    old.as_ref().filter(|old| old.rows() == collider.footprints.len() as u32);
-                let kept = same.map(|old| (old.contact, placed || old.placed));
-                if let Some(old) = old.filter(|_| kept.is_none()) {
-                    self.tables.forget_bodies(std::iter::once(&old));
-                }
-                let (contact, placed) = kept.unwrap_or_else(|| {
-                    let rows = collider.footprints.len() as u32;
-                    (self.tables.take_contacts(self.device, rows), true)
-                });
-                let body = Body::new(collider, contact, placed, &resident.layout.grid);
-                stressed.extend(body.tiles());
-                resident.bodies.insert(id, body);
-                true
-            }
-            Edit::RemoveCollider { id } => {
-                let Some(body) = resident.bodies.remove(&id) else { return false };
-                stressed.extend(body.tiles());
-                self.tables.forget_bodies(std::iter::once(&body));
-                true
-            }
-            Edit::SetGround(ground) => {
-                resident.layout.ground = ground;
-                false
-            }
-            Edit::SetMaterial(material) => {
-                resident.layout.material = material;
-                resident.row = resident.row.with_material(&resident.layout.grid, &material);
-                self.tables.set_session(self.device, slot, &resident.row);
-                stressed.extend(0..resident.lot.places.len() as u32);
-                false
-            }
-            Edit::Restore(contents) => {
-                self.tables.forget_bodies(resident.bodies.values());
-                resident.bodies = self.restore_bodies(resident, &contents);
-                resident.unweighed.clear();
-                resident.awake = None;
-                true
-            }
-            Edit::Deposit(_) | Edit::Lay(_) | Edit::Clear { .. } | Edit::Stamp(_) => false,
-        }
-    }
-
     /// Adds a change of the snow on some rows of tiles, the result of which has a number, and lists it for their
     /// tiles.
     pub(super) fn operate(
@@ -240,6 +183,9 @@ impl Planner<'_> {
             }
             Edit::Clear { depth, .. } => {
                 (orders.operations.push(operation(CLEAR, [0, *depth, 0, 0])), &mut changed.snowed)
+            }
+            Edit::Strip { depth, .. } => {
+                (orders.operations.push(operation(STRIP, [0, *depth, 0, 0])), &mut changed.snowed)
             }
             Edit::Stamp(stamp) => {
                 let first_share = orders.shares.len();
@@ -314,68 +260,6 @@ impl Planner<'_> {
                 sheltered_high: (sheltered >> 32) as u32,
                 stood_on_low: stood_on as u32,
                 stood_on_high: (stood_on >> 32) as u32,
-                padding: 0,
-            };
-            jobs.push((resident.page(tile), job));
-        }
-    }
-
-    /// Writes the contacts of saved objects, as they were.
-    fn restore_bodies(
-        &mut self,
-        resident: &Resident,
-        contents: &Contents,
-    ) -> BTreeMap<Arc<str>, Body> {
-        let body = |(id, placement, contact): &(Arc<str>, Arc<Placement>, Contact)| {
-            let row = self.tables.take_contacts(self.device, placement.footprints.len() as u32);
-            // The rows of its other footprints are evaluated before any stress is.
-            self.tables.set_contact(self.device, row, contact);
-            let body = Body::new(placement.clone(), row, false, &resident.layout.grid);
-            (id.clone(), body)
-        };
-        contents.colliders.iter().map(body).collect()
-    }
-
-    /// Lists the objects on each tile anew, and tells the device which tiles they stand on.
-    pub(super) fn mark_loaded(&mut self, slot: Slot, resident: &mut Resident) {
-        for tile in resident.list_loads() {
-            self.mark_tile(slot, resident, tile);
-        }
-    }
-
-    /// Tells the device whether a tile is under an object.
-    pub(super) fn mark_tile(&mut self, slot: Slot, resident: &Resident, tile: u32) {
-        let place = resident.lot.places[tile as usize];
-        let loaded = resident.loads.contains_key(&tile);
-        let row = Tile::new(slot, place, &resident.layout.grid, tile, loaded);
-        self.tables.tile_rows.push((resident.lot.tiles.start + tile, row));
-    }
-
-    /// Adds a snowpack's objects to the tables; `runs` says whether a cycle follows what they are for.
-    /// Returns the row of the first.
-    pub(super) fn collider_rows(&mut self, slot: Slot, resident: &Resident, runs: bool) -> u32 {
-        let first = self.tables.orders.colliders.len();
-        resident.collider_rows(slot, runs, &mut self.tables.orders);
-        first
-    }
-
-    /// Adds jobs that evaluate the stress of some of a snowpack's tiles under its objects, the first of
-    /// which has a row.
-    pub(super) fn load_jobs(
-        &mut self,
-        first_collider: u32,
-        resident: &Resident,
-        tiles: impl Iterator<Item = u32>,
-        jobs: &mut Vec<(u32, LoadJob)>,
-    ) {
-        for tile in tiles {
-            let first_load = self.tables.orders.loads.len();
-            let ranks = resident.loads.get(&tile).map_or(&[][..], Vec::as_slice);
-            self.tables.orders.loads.extend(ranks.iter().map(|rank| first_collider + rank));
-            let job = LoadJob {
-                tile: resident.lot.tiles.start + tile,
-                first_load,
-                loads: ranks.len() as u32,
                 padding: 0,
             };
             jobs.push((resident.page(tile), job));

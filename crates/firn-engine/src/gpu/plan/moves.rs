@@ -80,6 +80,11 @@ impl Moving {
         }
     }
 
+    /// The snowpack.
+    pub fn slot(&self) -> Slot {
+        self.slot
+    }
+
     /// Says how many steps may be taken in this frame, in which the results of edits begin at a number.
     pub fn go_on(&mut self, steps: u32, first_result: u32) {
         (self.allowed, self.first_result) = (steps, first_result);
@@ -134,19 +139,23 @@ impl Planner<'_> {
     /// Whether what has been planned is to be submitted before the next step.
     pub fn is_full(&self) -> bool {
         let orders = &self.tables.orders;
-        let (spans, lifts) = (orders.spans.len(), orders.lifts.len());
-        [orders.colliders.len(), spans, lifts, orders.loads.len()]
-            .iter()
-            .any(|&rows| rows > MOST_ROWS)
+        let rows = [
+            orders.colliders.len(),
+            orders.spans.len(),
+            orders.lifts.len(),
+            orders.load_jobs.len(),
+            orders.loads.len(),
+            orders.edit_jobs.len(),
+            orders.operation_lists.len(),
+        ];
+        rows.into_iter().any(|rows| rows > MOST_ROWS)
     }
 
-    /// Tells the device which tiles are under objects now.
-    pub fn end_moves(&mut self, residents: &Residents, moving: &mut [Moving]) {
-        for Moving { slot, marked, .. } in moving {
-            let Some(resident) = residents.get(*slot) else { continue };
-            for tile in std::mem::take(marked) {
-                self.mark_tile(*slot, resident, tile);
-            }
+    /// Tells the device which tiles of a snowpack are under objects now, as far as steps have changed that.
+    pub fn mark_moved(&mut self, residents: &Residents, moving: &mut Moving) {
+        let Some(resident) = residents.get(moving.slot) else { return };
+        for tile in std::mem::take(&mut moving.marked) {
+            self.mark_tile(moving.slot, resident, tile);
         }
     }
 
