@@ -76,7 +76,7 @@ async fn an_object_moves_and_follows_a_path(backend: BackendChoice) {
     let path = Some(vec![[2.55, 0.5], [1.55, 0.5]]);
     let patch = ColliderPatch { path, over: Some(1.5), ..ColliderPatch::default() };
     let told = session.patch_collider("ski", &patch).await.unwrap().collider.body.motion;
-    assert_eq!((told.speed, told.velocity), (Some(1.0), at(0.0, 0.0)));
+    assert!((told.speed.unwrap() - 1.0).abs() < 1e-9 && told.velocity.is_zero(), "{told:?}");
     step(&session, 20).await;
     let underway = session.collider("ski").await.unwrap().collider.body;
     assert!(is_near(underway.position, 2.05, 0.5), "{underway:?}");

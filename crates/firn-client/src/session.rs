@@ -131,12 +131,12 @@ impl Session {
         self.get("/usage").await
     }
 
-    /// Lets snow fall.
+    /// Lets snow fall. Above objects it lies on them, unless they do not shelter.
     pub async fn snowfall(&self, snowfall: &Snowfall) -> Result<SnowfallReply, Error> {
         self.post("/snowfalls", snowfall).await
     }
 
-    /// Clears snow to a depth.
+    /// Clears snow to a depth, but not under objects that stand there.
     pub async fn clear(&self, clearing: &Clearing) -> Result<ClearingReply, Error> {
         self.post("/clearings", clearing).await
     }
@@ -163,7 +163,8 @@ impl Session {
         self.post("/colliders", collider).await
     }
 
-    /// Changes parts of an object; others stay.
+    /// Changes parts of an object; others stay. With `sweep` it is pushed to its new position in the next cycle, and leaves a
+    /// track.
     pub async fn patch_collider(
         &self,
         id: &str,
