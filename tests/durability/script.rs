@@ -43,7 +43,8 @@ fn step(dice: &mut SmallRng) -> Step {
         6 => {
             let id = ["crate", "boot", "sledge"][dice.random_range(0..3)];
             let mut body = json!({"mass": dice.random_range(5.0..90.0), "position": place(dice),
-                "shape": {"type": "disk", "radius": dice.random_range(0.1..0.5)}});
+                "shape": {"type": "box", "width": dice.random_range(0.1..0.5), "depth": 0.9},
+                "shelters": dice.random_bool(0.8), "airborne": dice.random_bool(0.2)});
             match dice.random_range(0..3) {
                 0 => {
                     let along = |dice: &mut SmallRng| dice.random_range(-1.0..1.0);

@@ -12,6 +12,7 @@ on_each_backend!(
     what_lies_on_an_object_is_laid_down_where_it_was,
     what_moves_lays_its_snow_down_behind_it,
     what_finds_no_room_stays_on_the_object,
+    an_object_of_the_same_name_gets_nothing_of_the_one_before,
     objects_above_each_other_share_by_their_names,
 );
 
@@ -180,6 +181,30 @@ async fn what_finds_no_room_stays_on_the_object(backend: BackendChoice) {
     let [_, refused, _, carried, _] = ledger(&server, &path).await;
     assert_eq!(carried, 0.0);
     near(refused, refused_by_others + all);
+    server.stop().await;
+}
+
+async fn an_object_of_the_same_name_gets_nothing_of_the_one_before(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let mut body = session(3.0, 450.0);
+    body["material"] = json!({"max_density": 450, "fresh_density": 60});
+    let path = server.create(body).await;
+    let one = format!("{path}/colliders/plate");
+    server.put(&one, plate(10.0, 1.0, 1.0, 1.0, 1.0)).await.expect(201);
+    let fall = json!({"depth": 0.2, "density": 60});
+    let reply = server.post(&format!("{path}/snowfalls"), fall).await.expect(200);
+    let all = burden(&server, &one).await;
+    let (fallen, refused) = (reply["fallen_mass"].as_f64().unwrap(), &reply["refused_mass"]);
+    near(refused.as_f64().unwrap(), fallen - all);
+    let mut again = plate(10.0, 3.0, 1.0, 1.0, 1.0);
+    again["id"] = json!("plate");
+    let batch = json!({"delete": ["plate"], "put": [again]});
+    server.post(&format!("{path}/colliders:batch"), batch).await.expect(200);
+    server.step(&path, 3).await;
+    assert_eq!(burden(&server, &one).await, 0.0);
+    let [_, refused, _, carried, _] = ledger(&server, &path).await;
+    assert_eq!(carried, 0.0);
+    near(refused, fallen);
     server.stop().await;
 }
 

@@ -12,6 +12,9 @@ on_each_backend!(
     a_sweep_leaves_a_track_where_a_lift_leaves_none,
     what_moves_is_the_same_however_it_is_stepped,
     a_track_is_as_deep_at_any_tick_rate,
+    what_has_turned_can_be_changed,
+    heading_alone_is_swept_where_another_sweep_ends,
+    what_moves_is_saved_with_all_of_its_way,
     an_object_stops_at_the_edge,
     a_way_that_can_not_be_taken_is_refused,
 );
@@ -185,6 +188,80 @@ async fn a_track_is_as_deep_at_any_tick_rate(backend: BackendChoice) {
         depths.push(mean);
     }
     assert!(depths[0] > 0.03 && (depths[0] / depths[1] - 1.0).abs() < 0.1, "{depths:?}");
+    server.stop().await;
+}
+
+/// The rows that are reserved for it do not depend on its heading.
+async fn what_has_turned_can_be_changed(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let path = server.create(soft()).await;
+    let one = format!("{path}/colliders/ski");
+    for (width, ticks) in [(0.2, 10), (0.1, 13)] {
+        let mut long = ski(3.0);
+        long["shape"] = json!({"type": "box", "width": width, "depth": 1.6});
+        server.put(&one, with(long, json!({"turn_rate": 90}))).await;
+        server.step(&path, ticks).await;
+        server.patch(&one, json!({"turn_rate": 0})).await.expect(200);
+        server.patch(&one, json!({"turn_rate": 20, "heading": 0})).await.expect(200);
+        server.step(&path, ticks).await;
+        assert_eq!(server.delete(&one).await.status, 204);
+    }
+    server.stop().await;
+}
+
+async fn heading_alone_is_swept_where_another_sweep_ends(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let path = server.create(soft()).await;
+    let one = format!("{path}/colliders/ski");
+    server.put(&one, with(ski(1.0), json!({"velocity": {"x": 1, "z": 0}}))).await.expect(201);
+    let to = json!({"position": {"x": 2.0, "z": 1.0}, "sweep": true});
+    server.patch(&one, to).await.expect(200);
+    server.patch(&one, json!({"heading": 90, "sweep": true})).await.expect(200);
+    for _ in 0..40 {
+        let to = json!({"position": {"x": 2.0, "z": 1.0}, "sweep": true});
+        let swept = server.patch(&one, to).await.expect(200);
+        assert!(swept["path"].as_array().unwrap().len() <= 16, "they do not pile up");
+    }
+    server.step(&path, 1).await;
+    let there = server.get(&one).await.expect(200);
+    assert_eq!((at(&there), &there["heading"]), ((2.0, 1.0), &json!(90.0)));
+    server.step(&path, 20).await;
+    assert!(is_near(&server.get(&one).await.expect(200), 3.0, 1.0), "its velocity goes on");
+    server.stop().await;
+}
+
+async fn what_moves_is_saved_with_all_of_its_way(backend: BackendChoice) {
+    let server = Server::start(backend).await;
+    let path = server.create(soft()).await;
+    let one = format!("{path}/colliders/ski");
+    let points: Vec<[f64; 2]> = (0..100).map(|i| [1.0 + 0.04 * f64::from(i), 1.0]).collect();
+    let way = json!({"path": points, "over": 8, "turn_rate": 30});
+    server.put(&one, with(ski(1.0), way)).await.expect(201);
+    server.post(&format!("{path}/snowfalls"), json!({"depth": 0.2})).await.expect(200);
+    server.step(&path, 30).await;
+    let moving = server.get(&one).await.expect(200);
+    assert_eq!(moving["path"].as_array().unwrap().len(), 16, "its next points are told");
+    assert!(moving["burden"].as_f64().unwrap() > 0.0);
+
+    let saved = server.get(&format!("{path}/snapshot")).await;
+    assert_eq!(saved.status, 200);
+    let created = server
+        .post_bytes("/v1/sessions", "application/vnd.firn.snapshot", saved.body.clone())
+        .await
+        .expect(201);
+    let copy = format!("/v1/sessions/{}", created["id"].as_str().unwrap());
+    let mut states = Vec::new();
+    for path in [&path, &copy] {
+        server.step(path, 100).await;
+        let object = server.get(&format!("{path}/colliders/ski")).await.expect(200);
+        let mass = server.get(&format!("{path}/mass")).await.expect(200);
+        assert_eq!(mass["imbalance_quanta"], 0);
+        states.push((
+            server.get(&format!("{path}/digest")).await.expect(200)["digest"].clone(),
+            (object["position"].clone(), object["burden"].clone(), mass["carried"].clone()),
+        ));
+    }
+    assert_eq!(states[0], states[1]);
     server.stop().await;
 }
 
