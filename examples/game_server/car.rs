@@ -51,6 +51,10 @@ impl Car {
         self.sweep.to(self.place, self.heading, moved)
     }
 
+    pub fn stop(&self) -> ColliderSpec {
+        self.sweep.stop()
+    }
+
     /// Where it is going. The powers of one number spread the goals evenly over the scene.
     fn goal(&self) -> Position {
         const X: f64 = 0.754_877_666;

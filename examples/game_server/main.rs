@@ -85,7 +85,7 @@ async fn main() -> Result<(), Failure> {
 
 /// Plays for so many seconds or until it is interrupted, and tells what it saw every ten.
 async fn play(scene: &Scene, seconds: f64) -> Result<(), Failure> {
-    let viewers = Viewers::watch(scene).await?;
+    let mut viewers = Viewers::watch(scene).await?;
     let mut game = Game::new(scene).await?;
     let mut beat = interval(Duration::from_secs_f64(1.0 / RATE));
     beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -100,10 +100,13 @@ async fn play(scene: &Scene, seconds: f64) -> Result<(), Failure> {
             break;
         }
         if game.turns.is_multiple_of(REPORTED) {
-            report.print(scene, &mut game.link.late, &viewers).await?;
+            viewers.check()?;
+            report.print(scene, &mut game.link.late, &viewers.seen).await?;
         }
     }
-    report.print(scene, &mut game.link.late, &viewers).await
+    game.stop().await?;
+    viewers.check()?;
+    report.print(scene, &mut game.link.late, &viewers.seen).await
 }
 
 /// All that moves, and the connection over which the snow is told.
@@ -150,6 +153,15 @@ impl Game {
         let told = answers.iter().find(|ack| ack.id == batch);
         self.told = told.map_or(self.link.tick, |ack| ack.stamp.tick);
         self.turns += 1;
+        Ok(())
+    }
+
+    /// Stops what would go on by itself.
+    async fn stop(&mut self) -> Result<(), Failure> {
+        let put = vec![self.car.stop(), self.plough.stop()];
+        let batch = ColliderBatch { put, ..ColliderBatch::default() };
+        self.link.send(|id| Command::Colliders { id, batch }).await?;
+        self.link.answers().await?;
         Ok(())
     }
 }

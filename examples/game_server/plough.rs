@@ -56,6 +56,10 @@ impl Plough {
         Clearing { depth: LEFT, path, width: Some(WIDTH), region: None }
     }
 
+    pub fn stop(&self) -> ColliderSpec {
+        self.sweep.stop()
+    }
+
     /// The place and the bearing after so many metres.
     fn at(&self, way: f64) -> (Position, f64) {
         let length: f64 = self.road.windows(2).map(|ends| distance(ends[0], ends[1])).sum();

@@ -7,7 +7,7 @@ use firn_client::Client;
 
 use crate::Failure;
 use crate::scene::Scene;
-use crate::viewers::Viewers;
+use crate::viewers::Seen;
 
 pub struct Report {
     begun: Instant,
@@ -32,12 +32,11 @@ impl Report {
         &self,
         scene: &Scene,
         late: &mut [Duration],
-        viewers: &Viewers,
+        seen: &Seen,
     ) -> Result<(), Failure> {
         let seconds = self.seconds();
         let ticks = scene.session.view().await?.tick - self.tick;
         let now = Figures::read(scene.session.client()).await?;
-        let seen = &viewers.seen;
         let (messages, bytes) = (seen.messages.load(Relaxed), seen.bytes.load(Relaxed));
         println!(
             "ticks          {ticks} in {seconds:.1} s, {:.1} a second",

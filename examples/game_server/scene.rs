@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use firn_client::{Client, Session};
 use firn_protocol::{
-    Preset, Region, SessionSpec, SettingsPatch, SnowLayer, Snowfall, StepSpec, Terrain,
+    Preset, Pressing, Region, SessionSpec, SettingsPatch, SnowLayer, Snowfall, StepSpec, Terrain,
 };
 use firn_snow::Grid;
 
@@ -14,8 +14,9 @@ use crate::{Failure, RATE};
 const KEPT: &str = "demo-scene";
 /// Side of a column \[m\].
 const COLUMN: f64 = 0.1;
-/// Waves of the ground: length along x, length along z, and height, all in metres.
-const WAVES: [(f64, f64, f64); 3] = [(97.0, 143.0, 0.5), (-61.0, 83.0, 0.25), (29.0, -41.0, 0.05)];
+/// Waves of the ground: length along x, length along z, and height, all in metres. Objects stand
+/// level: where it is steep, a car stands on the wheels uphill alone.
+const WAVES: [(f64, f64, f64); 2] = [(150.0, 190.0, 0.5), (-83.0, 117.0, 0.12)];
 
 pub struct Scene {
     pub session: Session,
@@ -41,6 +42,9 @@ impl Scene {
             grid: Grid { width: columns, depth: columns, height: 16, cell_size: COLUMN },
             terrain: Some(hills(columns)),
             tick_rate: RATE,
+            // A wheel passes a column within a tick or two: snow that takes longer to give way
+            // would show a faint rut.
+            pressing: Pressing::Within(0.0),
             paused: true,
             // A firm old layer, and new snow on it that a boot sinks into.
             initial_snow: vec![
@@ -62,11 +66,11 @@ impl Scene {
         (self.size / COLUMN).round() as u64
     }
 
-    /// Soft drifts: rectangles on each other, smaller and smaller.
+    /// Soft drifts in the way of the walkers: rectangles on each other, smaller and smaller.
     async fn let_drifts_lie(&self) -> Result<(), Failure> {
         for drift in 0..8 {
-            let part = |factor: f64| self.size * (0.15 + 0.7 * (f64::from(drift) * factor).fract());
-            let (x, z) = (part(0.6181), part(0.3247));
+            let x = self.size * if drift % 2 == 0 { 0.17 } else { 0.8 };
+            let z = self.size * (0.1 + 0.1 * f64::from(drift));
             for step in 0..4 {
                 let inset = 0.3 * f64::from(step);
                 let (width, depth) = (3.0 - 2.0 * inset, 6.0 - 2.0 * inset);

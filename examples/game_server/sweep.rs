@@ -50,4 +50,11 @@ impl Sweep {
             ..self.body.clone()
         }
     }
+
+    /// Leaves the body where it is going.
+    pub fn stop(&self) -> ColliderSpec {
+        let place = self.path.last().map(|&[x, z]| Position { x, z });
+        let position = place.unwrap_or(self.body.position);
+        ColliderSpec { position, heading: self.heading, ..self.body.clone() }
+    }
 }

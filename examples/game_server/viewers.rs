@@ -18,7 +18,7 @@ const SIGHT: u64 = 240;
 /// The viewers. They end when this is dropped.
 pub struct Viewers {
     pub seen: Arc<Seen>,
-    _tasks: JoinSet<Result<(), Failure>>,
+    tasks: JoinSet<Result<(), Failure>>,
 }
 
 /// What all of them saw.
@@ -46,7 +46,15 @@ impl Viewers {
             };
             tasks.spawn(view(stream, wish, seen.clone()));
         }
-        Ok(Viewers { seen, _tasks: tasks })
+        Ok(Viewers { seen, tasks })
+    }
+
+    /// Whether all still watch.
+    pub fn check(&mut self) -> Result<(), Failure> {
+        match self.tasks.try_join_next() {
+            None => Ok(()),
+            Some(ended) => ended?,
+        }
     }
 }
 
