@@ -8,7 +8,7 @@ ARGS ?=
 export NODEVICE_SELECT := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help serve test test-long fuzz-api deny viewer test-viewer test-python test-unity driver build dist fmt lint lint-api \
+.PHONY: help serve demo test test-long fuzz-api deny viewer test-viewer test-python test-unity driver build dist fmt lint lint-api \
 	lint-deploy openapi client-types \
 	configuration clean
 
@@ -19,6 +19,12 @@ serve: ## build, make sure there is a Vulkan driver, serve with a demo session a
 	@$(MAKE) --no-print-directory viewer || echo "Going on without: the server's page says how to get the viewer."
 	@scripts/vulkan-driver || echo "Going on without: the server computes on the CPU."
 	$(CARGO) run --release --locked -- serve --demo $(ARGS)
+
+demo: ## build, make sure there is a Vulkan driver, play the demo scene until it is interrupted
+	@$(MAKE) --no-print-directory viewer || echo "Going on without: the server's page says how to get the viewer."
+	@scripts/vulkan-driver || echo "Going on without: the server computes on the CPU."
+	$(CARGO) build --release --locked --bin firn --example game_server
+	@scripts/demo
 
 # The viewer is built anew where something it is made of is newer. Its tools come from Node, which scripts/node finds or fetches.
 viewer: viewer/dist/index.html ## build the viewer, the server's web page
