@@ -146,8 +146,8 @@ fn migrate_session(
         for event in events {
             let command = match event {
                 FirstEvent::Reset => Command::Reset,
-                FirstEvent::Change(change) => match fold.decide(&change) {
-                    Ok(command) => command,
+                FirstEvent::Change(change) => match fold.decide(&let_snow_through(change)) {
+                    Ok(command) => spare_nothing(command),
                     Err(why) => {
                         warn!(session = id, "a change can't be repeated, and is left out: {why}");
                         continue;
@@ -161,6 +161,24 @@ fn migrate_session(
         put(*row, content.batch, json(&Entry { tick, seq: 0, reached: tick, commands }));
     }
     Ok(migrated)
+}
+
+/// In the first format snow falls under objects.
+fn let_snow_through(mut change: Change) -> Change {
+    match &mut change {
+        Change::CreateCollider(spec) | Change::PutCollider(spec) => spec.shelters = false,
+        Change::Colliders(batch) => batch.put.iter_mut().for_each(|spec| spec.shelters = false),
+        _ => {}
+    }
+    change
+}
+
+/// In the first format clearings clear under objects too.
+fn spare_nothing(mut command: Command) -> Command {
+    if let Command::Clear { spares, .. } = &mut command {
+        *spares = false;
+    }
+    command
 }
 
 fn parse<T: DeserializeOwned>(content: &Content) -> Result<T, SessionError> {

@@ -2,36 +2,9 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import type { Collider } from "../../clients/typescript/src/index.ts";
-import { keep, open } from "./browser.ts";
-import { browser, firn, server } from "./stage.ts";
-
-type Page = Awaited<ReturnType<typeof open>>["page"];
-
-const press = (page: Page, name: string) => page.getByRole("button", { name, exact: true }).click();
-const row = (page: Page, id: string) => page.locator(`.objects li[data-id="${id}"]`);
-
-/** Creates a session and opens its page. */
-async function openSession(id: string) {
-  await firn.createSession({
-    id,
-    paused: true,
-    grid: { width: 40, depth: 40, height: 20 },
-    initial_snow: [{ depth: 1 }],
-  });
-  const tab = await open(browser, `${server.url}/#/sessions/${id}`);
-  await tab.page.locator(".connection[data-state=open]").waitFor();
-  return tab;
-}
-
-/** Waits until an object is as wanted. */
-async function becomes(page: Page, session: string, id: string, wanted: (collider: Collider) => boolean) {
-  for (;;) {
-    const collider = await firn.session(session).collider(id);
-    if (wanted(collider)) return collider;
-    await page.waitForTimeout(50);
-  }
-}
+import { keep } from "./browser.ts";
+import { firn } from "./stage.ts";
+import { becomes, openSession, press, row } from "./steps.ts";
 
 test("each kind is put with a name that can be read, and the list says what it is", async () => {
   const { page, complaints } = await openSession("kinds");
@@ -53,6 +26,7 @@ test("each kind is put with a name that can be read, and the list says what it i
   assert.ok(await page.locator("[name=object-name]:invalid").isVisible());
   await page.locator("[name=object-name]").fill("hut");
   await press(page, "Put in the middle");
+  await page.getByText("hut stands on the snow.").waitFor();
   await row(page, "hut").waitFor();
   assert.equal(await page.locator("[name=object-name]").inputValue(), "");
   await keep(page, "kinds");
@@ -77,16 +51,16 @@ test("the chosen object is turned, held up, and hangs over the edge, and stays w
   await page.getByLabel("Held up").uncheck();
   await becomes(page, "turning", "plank", ({ pressure }) => pressure > 0);
 
-  // The second step would end beyond the grid.
-  await pick.press("ArrowLeft");
+  // The second step would end beyond the grid. The clock stands still, so it is lifted.
+  await pick.press("Shift+ArrowLeft");
   await becomes(page, "turning", "plank", ({ position }) => position.x < 0.2);
-  await pick.press("ArrowLeft");
+  await pick.press("Shift+ArrowLeft");
   const plank = await becomes(page, "turning", "plank", ({ position }) => position.x === 0);
   assert.deepEqual([plank.shape, plank.heading, plank.position.z, plank.airborne], [shape, 120, 4, false]);
   assert.deepEqual(complaints, []);
 });
 
-test("an object with several footprints is dragged as one", async () => {
+test("an object with several footprints is lifted as one", async () => {
   const { page, complaints } = await openSession("dragging");
   await page.locator("[name=kind]").selectOption("car");
   await press(page, "Put in the middle");
@@ -97,9 +71,11 @@ test("an object with several footprints is dragged as one", async () => {
   assert.ok(box);
   const [x, y] = [box.x + box.width / 2, box.y + box.height * 0.48];
   await page.mouse.move(x, y);
+  await page.keyboard.down("Shift");
   await page.mouse.down();
   await page.mouse.move(x + 80, y, { steps: 6 });
   await page.mouse.up();
+  await page.keyboard.up("Shift");
   const after = await becomes(page, "dragging", "car-1", ({ position }) => position.x > before.position.x + 0.3);
   assert.deepEqual([after.footprints, after.mass], [before.footprints, before.mass]);
   await keep(page, "car");

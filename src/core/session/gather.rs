@@ -100,8 +100,12 @@ pub struct Ledger {
     /// Cleared away.
     pub cleared: u128,
     /// Lies on objects.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub carried: u128,
+}
+
+fn is_zero(mass: &u128) -> bool {
+    *mass == 0
 }
 
 impl Ledger {

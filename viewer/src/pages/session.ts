@@ -1,6 +1,7 @@
 // One session: its picture, its controls, its profile.
 
 import "../style/session.css";
+import "../style/panel.css";
 import type { SessionView } from "firn-client";
 import { h } from "../dom.ts";
 import type { Page } from "../main.ts";
@@ -10,9 +11,10 @@ import { askForToken, explain, server, wantsToken } from "../server.ts";
 import { legend } from "../session/legend.ts";
 import { Look } from "../session/look.ts";
 import { Model } from "../session/model.ts";
+import { Mover } from "../session/mover.ts";
 import { panel } from "../session/panel/panel.ts";
 import { Pictures } from "../session/picture.ts";
-import { listen, Mover } from "../session/pointer.ts";
+import { listen } from "../session/pointer.ts";
 import { connection, facts, rates } from "../session/status.ts";
 import { Viewport } from "../session/viewport.ts";
 
@@ -43,7 +45,7 @@ function livePage(model: Model, view: SessionView): Page {
   };
   // Who may only look is asked for a token that may do more.
   const report = (error: unknown) => (wantsToken(error) ? void enterToken(explain(error)) : say(explain(error)));
-  const mover = new Mover(model, report);
+  const mover = new Mover(model, look, report);
   pictures.problem.watch((error) => error !== null && report(error));
 
   const canvas = h("canvas", {
@@ -53,7 +55,7 @@ function livePage(model: Model, view: SessionView): Page {
   });
   const viewport = hasWebGL() ? new Viewport(canvas, model, look, pictures) : null;
   const controls = panel({ model, look, mover, viewport, say, report });
-  if (viewport) listen(viewport, model, look, mover, controls.place);
+  if (viewport) listen(viewport, model, look, mover, controls.tools);
 
   const state = connection(model, () => enterToken("The server wants a token for this session."));
   const speed = rates(model, viewport);

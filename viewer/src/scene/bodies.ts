@@ -3,24 +3,33 @@
 import type { Collider } from "firn-client";
 import { DataTexture, Group } from "three";
 import type { Plane } from "./cubes.ts";
-import { type Form, geometryOf, solidsOf } from "./forms.ts";
-import { boundsOf, heightOf, type Outline, outlinesOf, toOwn, turnOf } from "./outline.ts";
+import { capsOf, type Form, geometryOf, solidsOf } from "./forms.ts";
+import { destination, type Point, wayAhead } from "./motion.ts";
+import { areaOf, boundsOf, heightOf, type Outline, outlinesOf, toOwn, turnOf } from "./outline.ts";
 import { meetBox, type Ray } from "./ray.ts";
 import type { Blocker } from "./relief.ts";
 import { type Solid, Solids } from "./solids.ts";
 
 /** Time in which a body covers two thirds of the way to where it was last told to be [ms]. */
 const EASE = 45;
-/** Closer than this [m] it is there. */
+/** Closer than this [m] it is there, and turned by less than this [°] it is turned. */
 const NEAR = 0.001;
+const NEARLY_TURNED = 0.05;
 /** So far above the snow is drawn what is held up [m]. */
 const HOVER = 0.4;
+/** Density that snow on an object is drawn with [kg/m³], and how thick it has to be [m]. */
+const SNOW_ON_TOP = 100;
+const THINNEST = 0.004;
 
 interface Body {
   collider: Collider;
   outlines: Outline[];
   /** Where it is drawn: middle along x and z, and its bottom [m]. */
   at: [number, number, number];
+  /** Its heading as it is drawn [°]. */
+  heading: number;
+  /** Thickness of the snow on it [m]. */
+  snow: number;
 }
 
 /** All bodies. */
@@ -49,8 +58,9 @@ export class Bodies {
     const before = this.bodies;
     this.bodies = new Map();
     for (const collider of colliders) {
-      const at = before.get(collider.id)?.at ?? this.goal(collider);
-      this.bodies.set(collider.id, { collider, outlines: outlinesOf(collider), at });
+      const { at, heading } = before.get(collider.id) ?? { at: this.goal(collider), heading: headingOf(collider) };
+      const outlines = outlinesOf({ ...collider, heading });
+      this.bodies.set(collider.id, { collider, outlines, at, heading, snow: snowOn(collider, outlines) });
     }
     this.draw();
   }
@@ -79,6 +89,12 @@ export class Bodies {
         moving ||= far;
         body.at[axis] = far ? body.at[axis] + way * part : goal[axis];
       }
+      const left = ((((headingOf(body.collider) - body.heading) % 360) + 540) % 360) - 180;
+      if (left === 0) continue;
+      const far = Math.abs(left) > NEARLY_TURNED;
+      moving ||= far;
+      body.heading = far ? body.heading + left * part : headingOf(body.collider);
+      body.outlines = outlinesOf({ ...body.collider, heading: body.heading });
     }
     if (moving) this.draw();
     return moving;
@@ -86,27 +102,36 @@ export class Bodies {
 
   /** What they keep the light from. */
   blockers(): Blocker[] {
-    return [...this.bodies.values()].flatMap(({ outlines, at: [x, bottom, z] }) =>
+    return [...this.bodies.values()].flatMap(({ outlines, snow, at: [x, bottom, z] }) =>
       outlines.map((outline) => ({
         x: x + outline.x,
         z: z + outline.z,
         turn: outline.turn,
         shape: outline.shape,
-        top: bottom + heightOf(outline.shape),
+        top: bottom + heightOf(outline.shape) + snow,
       })),
     );
+  }
+
+  /** The ways ahead of those that move by themselves. */
+  *ways(): Generator<Point[]> {
+    for (const { collider } of this.shown()) {
+      if (!collider.velocity && !collider.path) continue;
+      const { x0, z0, x1, z1 } = boundsOf(collider);
+      yield wayAhead(collider, Math.hypot(Math.max(-x0, x1), Math.max(-z0, z1)));
+    }
   }
 
   /** The one that a ray meets first, of those that are shown. What is between its footprints is part of it. */
   meet({ origin, direction }: Ray): { id: string; distance: number } | null {
     let first: { id: string; distance: number } | null = null;
-    for (const { collider, outlines, at } of this.shown()) {
+    for (const { collider, outlines, at, heading, snow } of this.shown()) {
       // As seen along its own axes.
-      const turn = turnOf(collider.heading);
+      const turn = turnOf(heading);
       const [x, z] = toOwn(turn, origin[0] - at[0], origin[2] - at[2]);
       const [dx, dz] = toOwn(turn, direction[0], direction[2]);
       const { x0, z0, x1, z1 } = boundsOf(collider);
-      const top = at[1] + Math.max(...outlines.map(({ shape }) => heightOf(shape)));
+      const top = at[1] + snow + Math.max(...outlines.map(({ shape }) => heightOf(shape)));
       const ray: Ray = { origin: [x, origin[1], z], direction: [dx, direction[1], dz] };
       const distance = meetBox(ray, [x0, at[1], z0], [x1, top, z1]);
       if (distance !== null && distance < (first?.distance ?? Number.POSITIVE_INFINITY)) {
@@ -121,20 +146,26 @@ export class Bodies {
     for (const body of this.bodies.values()) if (!plane || (body.at[plane.axis] as number) < plane.place) yield body;
   }
 
-  private goal({ position, bottom, airborne }: Collider): [number, number, number] {
-    return [position.x, bottom - this.base + (airborne ? HOVER : 0), position.z];
+  private goal(collider: Collider): [number, number, number] {
+    const { bottom, airborne } = collider;
+    const { x, z } = destination(collider);
+    return [x, bottom - this.base + (airborne ? HOVER : 0), z];
   }
 
   private draw(): void {
     const drawn = new Map<Form, Solid[]>();
-    for (const { collider, outlines, at } of this.shown()) {
+    const add = (all: Iterable<[Form, Solid]>) => {
+      for (const [form, solid] of all) {
+        const solids = drawn.get(form);
+        if (solids) solids.push(solid);
+        else drawn.set(form, [solid]);
+      }
+    };
+    for (const { collider, outlines, at, snow } of this.shown()) {
       const value = collider.id === this.chosen ? 1 : 0;
       for (const outline of outlines) {
-        for (const [form, solid] of solidsOf(outline, at, value)) {
-          const solids = drawn.get(form);
-          if (solids) solids.push(solid);
-          else drawn.set(form, [solid]);
-        }
+        add(solidsOf(outline, at, value));
+        if (snow > THINNEST) add(capsOf(outline, at, snow));
       }
     }
     for (const [form, solids] of this.forms) {
@@ -152,4 +183,15 @@ export class Bodies {
     this.group.add(solids.mesh);
     return solids;
   }
+}
+
+/** The heading that it has, or is about to be swept to [°]. */
+function headingOf({ heading, turn_to }: Pick<Collider, "heading"> & Partial<Pick<Collider, "turn_to">>): number {
+  return turn_to ?? heading;
+}
+
+/** How thick the snow on an object is drawn [m]. */
+function snowOn({ burden }: Pick<Collider, "burden">, outlines: readonly Outline[]): number {
+  const area = outlines.reduce((sum, { shape }) => sum + areaOf(shape), 0);
+  return (burden ?? 0) / (SNOW_ON_TOP * area);
 }

@@ -1,11 +1,16 @@
 // The solids that objects are drawn with.
 
-import { BoxGeometry, BufferGeometry, CylinderGeometry, Float32BufferAttribute } from "three";
-import { heightOf, type Outline, toWorld } from "./outline.ts";
-import type { Solid } from "./solids.ts";
+import { Box3, BoxGeometry, BufferGeometry, CylinderGeometry, Float32BufferAttribute } from "three";
+import { heightOf, type Outline, signedArea, toWorld } from "./outline.ts";
+import { type Solid, WHITE } from "./solids.ts";
 
-/** "box", "disk", "wheel", or the corners of a polygon. */
+/** "box", "disk", "wheel", or the corners of a polygon; the same after "cap ", for snow on it. */
 export type Form = string;
+
+/** The top of a cap is so much of its bottom, along x and z. */
+const TAPER = 0.9;
+/** Snow on a wheel is narrower, so that only what is above the wheel is seen. */
+const NARROWER = 0.96;
 
 /** What an outline is drawn with, its object's bottom centre being `at` [m]. */
 export function* solidsOf(outline: Outline, at: readonly number[], value: number): Generator<[Form, Solid]> {
@@ -35,8 +40,25 @@ export function* solidsOf(outline: Outline, at: readonly number[], value: number
   }
 }
 
+/** The snow that lies on an outline, so thick [m]. */
+export function* capsOf(outline: Outline, at: readonly number[], thickness: number): Generator<[Form, Solid]> {
+  for (const [form, solid] of solidsOf(outline, at, WHITE)) {
+    const [x, y, z] = solid.centre;
+    const [width, height, depth] = solid.extent;
+    if (form === "wheel") {
+      // A crescent is seen.
+      yield [form, { ...solid, centre: [x, y + thickness, z], extent: [width * NARROWER, height, depth] }];
+      continue;
+    }
+    // The parts of a capsule meet all the way up.
+    const cap = outline.shape.type === "capsule" ? form : `cap ${form}`;
+    yield [cap, { ...solid, centre: [x, y + (height + thickness) / 2, z], extent: [width, thickness, depth] }];
+  }
+}
+
 /** A form of extent 1; a polygon as large as it is, and 1 high. */
 export function geometryOf(form: Form): BufferGeometry {
+  if (form.startsWith("cap ")) return tapered(geometryOf(form.slice(4)));
   switch (form) {
     case "box":
       return new BoxGeometry(1, 1, 1);
@@ -47,6 +69,21 @@ export function geometryOf(form: Form): BufferGeometry {
     default:
       return prism(JSON.parse(form));
   }
+}
+
+/** The same with a smaller top. */
+function tapered(geometry: BufferGeometry): BufferGeometry {
+  geometry.computeBoundingBox();
+  const { min, max } = geometry.boundingBox ?? new Box3();
+  const positions = geometry.getAttribute("position");
+  const inwards = (at: number, low: number, high: number) => (low + high) / 2 + TAPER * (at - (low + high) / 2);
+  for (let i = 0; i < positions.count; i++) {
+    if (positions.getY(i) < 0) continue;
+    positions.setX(i, inwards(positions.getX(i), min.x, max.x));
+    positions.setZ(i, inwards(positions.getZ(i), min.z, max.z));
+  }
+  geometry.computeVertexNormals();
+  return geometry;
 }
 
 type Corner = readonly [number, number];
@@ -80,11 +117,4 @@ function prism(corners: Corner[]): BufferGeometry {
   geometry.setAttribute("position", new Float32BufferAttribute(positions, 3));
   geometry.setAttribute("normal", new Float32BufferAttribute(normals, 3));
   return geometry;
-}
-
-function signedArea(corners: Corner[]): number {
-  return corners.reduce((sum, [x, z], i) => {
-    const [nextX, nextZ] = corners[(i + 1) % corners.length] as Corner;
-    return sum + x * nextZ - nextX * z;
-  }, 0);
 }

@@ -93,6 +93,30 @@ export function covers(shape: Shape, right: number, forward: number): boolean {
   return Math.hypot(right, Math.max(0, Math.abs(forward) - (z - x))) <= x;
 }
 
+/** Area of a shape [m²]. */
+export function areaOf(shape: Shape): number {
+  switch (shape.type) {
+    case "box":
+      return shape.width * shape.depth;
+    case "disk":
+      return Math.PI * shape.radius ** 2;
+    case "capsule":
+      return Math.PI * shape.radius ** 2 + 2 * shape.radius * (shape.length - 2 * shape.radius);
+    case "wheel":
+      return 2 * shape.radius * shape.width;
+    case "polygon":
+      return Math.abs(signedArea(shape.corners));
+  }
+}
+
+/** Area within some corners [m²]; negative where x turns to z on the way around. */
+export function signedArea(corners: readonly (readonly number[])[]): number {
+  return corners.reduce((sum, [x = 0, z = 0], i) => {
+    const [nextX = 0, nextZ = 0] = corners[(i + 1) % corners.length] ?? [];
+    return sum + (x * nextZ - nextX * z) / 2;
+  }, 0);
+}
+
 /** How high a shape is drawn [m]. But for wheels they have no height of their own: it is half their width. */
 export function heightOf(shape: Shape): number {
   if (shape.type === "wheel") return 2 * shape.radius;

@@ -16,7 +16,8 @@ interface KindOfObject {
   make: (size: Record<Size, number>) => Standing;
 }
 
-const foot: Shape = { type: "capsule", length: 0.3, radius: 0.06 };
+/** A foot in a boot. */
+export const foot: Shape = { type: "capsule", length: 0.3, radius: 0.06 };
 const tyre: Shape = { type: "wheel", width: 0.2, radius: 0.32 };
 
 /** Everything that the panel offers. */

@@ -1,6 +1,7 @@
 // How the snow is looked at. Nothing here changes the snow.
 
 import type { FieldName } from "../fields.ts";
+import type { Point } from "../scene/motion.ts";
 import { Value } from "./value.ts";
 
 /** A plane that the snow is cut at; what lies beyond is hidden. */
@@ -11,7 +12,7 @@ export interface Cut {
 }
 
 /** What a click on the snow does. */
-export type Tool = "profile" | "place";
+export type Tool = "profile" | "place" | "path" | "print";
 
 /** A column. */
 export interface ColumnPlace {
@@ -28,6 +29,10 @@ export class Look {
   readonly cut = new Value<Cut | null>(null);
   readonly colliders = new Value(true);
   readonly tool = new Value<Tool>("profile");
+  /** Whether objects are lifted to where they are moved, and leave no track. */
+  readonly lift = new Value(false);
+  /** The path that is being made for the chosen object. */
+  readonly draft = new Value<readonly Point[]>([]);
   /** The column whose profile is open. */
   readonly column = new Value<ColumnPlace | null>(null);
   /** The object that is chosen. */

@@ -4,12 +4,14 @@ import type { HeightField } from "firn-client";
 import { BoxGeometry, Mesh, MeshBasicMaterial, Vector3 } from "three";
 import { Bodies } from "../scene/bodies.ts";
 import { Cubes, PLINTH, planeOf, topValues } from "../scene/cubes.ts";
+import { destination } from "../scene/motion.ts";
 import { meetSurface, type Ray } from "../scene/ray.ts";
-import { groundAt } from "../scene/relief.ts";
 import { Stage } from "../scene/scene.ts";
 import { Surface } from "../scene/surface.ts";
 import { mapTexture, Tint } from "../scene/tint.ts";
+import { Ways } from "../scene/ways.ts";
 import { type Ground, isSame } from "./ground.ts";
+import { covers, elevationIn, highestOf, type Laid } from "./laid.ts";
 import type { Look } from "./look.ts";
 import type { Model } from "./model.ts";
 import type { Picture, Pictures } from "./picture.ts";
@@ -27,12 +29,6 @@ export interface Hit {
   z: number;
 }
 
-/** Heights, and the ground under each of their samples above the lowest [m]; null where it is level. */
-interface Laid {
-  field: HeightField;
-  ground: Float32Array | null;
-}
-
 /** The picture. */
 export class Viewport {
   readonly stage: Stage;
@@ -45,8 +41,11 @@ export class Viewport {
   private readonly nearby: Surface;
   private readonly cubes: Cubes;
   private readonly marker: Mesh;
+  /** The ways of objects that move by themselves, and the path that is being made. */
+  private readonly ways: Ways;
+  private readonly draft: Ways;
   /** What has to be brought up to date before the next frame. */
-  private readonly stale = { surface: false, nearby: false, cubes: false };
+  private readonly stale = { surface: false, nearby: false, cubes: false, ways: false };
   private framed = false;
   private relief = 0;
   /** Whether cells were asked for and the camera may still be too far away to see any. */
@@ -63,6 +62,9 @@ export class Viewport {
     this.nearby = new Surface(this.tint, plinth);
     this.cubes = new Cubes(size);
     this.bodies = new Bodies();
+    this.ways = new Ways(size, 0xb26644);
+    this.bodies.group.add(this.ways.mesh);
+    this.draft = new Ways(size, 0x22577f);
     const marker = new MeshBasicMaterial({ color: 0xd9822b, transparent: true, opacity: 0.75 });
     this.marker = new Mesh(new BoxGeometry(1, 1, 1), marker);
     this.marker.visible = false;
@@ -74,7 +76,8 @@ export class Viewport {
       },
     });
     const { solids } = this.cubes;
-    this.stage.scene.add(this.surface.group, this.nearby.group, solids.mesh, this.bodies.group, this.marker);
+    this.stage.scene.add(this.surface.group, this.nearby.group, solids.mesh, this.bodies.group);
+    this.stage.scene.add(this.draft.mesh, this.marker);
     this.stage.controls.addEventListener("change", () => this.lookedAt());
     this.watch();
   }
@@ -120,7 +123,7 @@ export class Viewport {
     model.near.watch(() => this.mark("nearby"));
     model.colliders.watch((colliders) => {
       this.bodies.update(colliders);
-      this.stage.redraw();
+      this.mark("ways");
     });
     look.colliders.watch((visible) => {
       this.bodies.group.visible = visible;
@@ -129,8 +132,9 @@ export class Viewport {
     });
     look.chosen.watch((id) => {
       this.bodies.choose(id);
-      this.stage.redraw();
+      this.mark("ways");
     });
+    look.draft.watch(() => this.mark("ways"));
     look.cut.watch(() => this.mark("cubes"));
     look.shape.watch((shape) => {
       this.afar = shape === "cells";
@@ -168,7 +172,26 @@ export class Viewport {
       stale.nearby = false;
     }
     if (stale.cubes) this.showCubes();
+    if (whole || near || stale.ways) this.showWays();
     return moving;
+  }
+
+  private showWays(): void {
+    const whole = this.whole();
+    if (!whole) return;
+    this.stale.ways = false;
+    const elevationAt = this.elevations(whole);
+    this.ways.show(this.bodies.ways(), elevationAt);
+    const points = this.look.draft.get();
+    const chosen = this.model.colliders.get().find(({ id }) => id === this.look.chosen.get());
+    const { x, z } = chosen ? destination(chosen) : { x: 0, z: 0 };
+    this.draft.show(points.length > 0 ? [chosen ? [[x, z], ...points] : points] : [], elevationAt);
+  }
+
+  /** How high the snow is at a place [m], as closely as it is known. */
+  private elevations(whole: Laid): (x: number, z: number) => number {
+    const near = this.near();
+    return (x, z) => elevationIn(near && covers(near.field, x, z) ? near : whole, x, z);
   }
 
   /** All of the snow on its ground; null until both are known. */
@@ -229,19 +252,9 @@ export class Viewport {
 
   private frame(whole: Laid): void {
     const { width, depth, cell_size } = this.model.grid;
-    this.stage.frameBlock(new Vector3(width * cell_size, this.highest(whole), depth * cell_size), cell_size);
+    this.stage.frameBlock(new Vector3(width * cell_size, highestOf(whole), depth * cell_size), cell_size);
     this.framed = true;
     performance.mark("first picture");
-  }
-
-  private highest({ field, ground }: Laid): number {
-    let top = this.model.grid.cell_size;
-    for (let z = 0; z < field.depth; z++) {
-      for (let x = 0; x < field.width; x++) {
-        top = Math.max(top, (field.heights[z * field.width + x] as number) + groundAt(field, ground, x, z));
-      }
-    }
-    return top;
   }
 
   /** Marks the column whose profile is open. */
@@ -266,25 +279,10 @@ export class Viewport {
   }
 
   private meetSnow(ray: Ray): number | null {
-    const [whole, near] = [this.whole(), this.near()];
+    const whole = this.whole();
     if (!whole) return null;
     const { width, depth, cell_size: size } = this.model.grid;
-    const box = { low: [0, 0, 0], high: [width * size, this.highest(whole) + size, depth * size] };
-    const heightAt = (x: number, z: number) => elevationIn(near && covers(near.field, x, z) ? near : whole, x, z);
-    return meetSurface(ray, box, heightAt, size / 2);
+    const box = { low: [0, 0, 0], high: [width * size, highestOf(whole) + size, depth * size] };
+    return meetSurface(ray, box, this.elevations(whole), size / 2);
   }
-}
-
-function elevationIn({ field, ground }: Laid, x: number, z: number): number {
-  const size = field.grid.cell_size;
-  const sample = (at: number, first: number, samples: number) =>
-    Math.min(Math.max(Math.floor((at / size - first) / field.stride), 0), samples - 1);
-  const sampleX = sample(x, field.column_x, field.width);
-  const sampleZ = sample(z, field.column_z, field.depth);
-  return (field.heights[sampleZ * field.width + sampleX] as number) + groundAt(field, ground, sampleX, sampleZ);
-}
-
-function covers({ region, grid }: HeightField, x: number, z: number): boolean {
-  const [column, row] = [x / grid.cell_size - region.column_x, z / grid.cell_size - region.column_z];
-  return column >= 0 && row >= 0 && column < region.width && row < region.depth;
 }

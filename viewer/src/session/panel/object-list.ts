@@ -1,9 +1,11 @@
-// The objects that there are. The one that is chosen can be turned and held up.
+// The objects that there are. The one that is chosen has controls of its own.
 
 import type { Collider } from "firn-client";
 import { h } from "../../dom.ts";
 import { decimal, mass as massText, quantity } from "../../format.ts";
+import { speedOf } from "../../scene/motion.ts";
 import { describe } from "../kinds.ts";
+import { bearing, objectControls } from "./object-controls.ts";
 import type { Desk } from "./panel.ts";
 
 /** More objects than these are not listed. */
@@ -16,7 +18,7 @@ export function objectList(desk: Desk): HTMLElement[] {
   const { model, look } = desk;
   const list = h("ul", { class: "objects" });
   const more = h("p", { class: "hint" });
-  const controls = chosenControls(desk);
+  const controls = objectControls(desk);
   const show = () => {
     const colliders = model.colliders.get();
     list.hidden = colliders.length === 0;
@@ -51,10 +53,14 @@ function showList(list: HTMLUListElement, colliders: readonly Collider[], desk: 
   for (const gone of rows.values()) gone.remove();
 }
 
-function stands({ airborne, pressure, sink_depth, resting }: Collider): string {
-  if (airborne) return "held up";
+function stands(collider: Collider): string {
+  const { airborne, pressure, sink_depth, resting } = collider;
+  const speed = speedOf(collider);
+  const how = collider.path?.length ? "on its path" : "moving";
+  const moves = speed > 0 ? `, ${how} at ${decimal(speed, 2)} m/s` : collider.turn_rate ? ", turning" : "";
+  if (airborne) return `held up${moves}`;
   const facts = `${quantity(pressure, "Pa")} · ${decimal(sink_depth, 2)} m deep`;
-  return resting ? `${facts}, at rest` : facts;
+  return `${facts}${moves || (resting ? ", at rest" : "")}`;
 }
 
 function objectRow(id: string, { model, look, mover, report }: Desk): HTMLElement {
@@ -75,11 +81,12 @@ function objectRow(id: string, { model, look, mover, report }: Desk): HTMLElemen
     if (!(way || turn) || !collider || event.ctrlKey || event.metaKey) return;
     event.preventDefault();
     look.chosen.set(id);
-    if (way) mover.move(collider, collider.position.x + way[0], collider.position.z + way[1]);
+    const { x, z } = mover.where(collider);
+    if (way) mover.move(collider, x + way[0], z + way[1], event.shiftKey);
     if (turn) mover.change(collider, { heading: bearing(collider.heading + turn) });
   };
   const choose = () => look.chosen.set(look.chosen.get() === id ? null : id);
-  const title = "Arrow keys move it, R and Shift+R turn it, Delete removes it";
+  const title = "Arrow keys move it, with Shift they lift it; R and Shift+R turn it, Delete removes it";
   return h(
     "li",
     { "data-id": id },
@@ -92,40 +99,4 @@ function objectRow(id: string, { model, look, mover, report }: Desk): HTMLElemen
     ),
     h("button", { type: "button", class: "quiet", "aria-label": `Remove ${id}`, click: remove }, "×"),
   );
-}
-
-/** What turns the chosen object, and holds it up. */
-function chosenControls({ mover }: Desk): { element: HTMLElement; show: (collider: Collider) => void } {
-  let collider: Collider | null = null;
-  const angle = h("output", {});
-  const turn = () => {
-    angle.textContent = `${heading.value}°`;
-    if (collider) mover.change(collider, { heading: heading.valueAsNumber });
-  };
-  const hold = () => {
-    if (collider) mover.change(collider, { airborne: airborne.checked });
-  };
-  const heading = h("input", { type: "range", min: 0, max: 359, step: 1, "aria-label": "Turn it", input: turn });
-  const airborne = h("input", { type: "checkbox", name: "airborne", change: hold });
-  const element = h(
-    "div",
-    { class: "section turn" },
-    h("label", { class: "slider" }, h("span", {}, "Heading"), heading, angle),
-    h("label", { class: "check" }, airborne, "Held up"),
-  );
-  const show = (now: Collider) => {
-    // A slider that is held tells the newest heading itself.
-    const held = heading.matches(":active") && collider?.id === now.id;
-    collider = now;
-    airborne.checked = now.airborne;
-    if (held) return;
-    heading.value = String(bearing(now.heading));
-    angle.textContent = `${decimal(bearing(now.heading), 0)}°`;
-  };
-  return { element, show };
-}
-
-/** A heading from 0 to 360°. */
-function bearing(degrees: number): number {
-  return ((degrees % 360) + 360) % 360;
 }

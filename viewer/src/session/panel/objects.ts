@@ -1,15 +1,26 @@
-// The objects on the snow: put, choose, move, turn, hold up, remove.
+// The objects on the snow: put, choose, move, turn, hold up, remove; the paths that they follow, and prints.
 
 import { action, choice, h, numberField } from "../../dom.ts";
 import { freeName } from "../kinds.ts";
 import type { Tool } from "../look.ts";
-import { fitInto } from "../pointer.ts";
+import { fitInto } from "../mover.ts";
+import type { Tools } from "../pointer.ts";
 import { objectForm } from "./object-form.ts";
 import { objectList } from "./object-list.ts";
 import { type Desk, section, setting } from "./panel.ts";
+import { pathTool } from "./path.ts";
+import { printTool } from "./print.ts";
 
-/** The section, and what puts an object somewhere [m]. */
-export function objectsSection(desk: Desk): { element: HTMLElement; place: (x: number, z: number) => void } {
+/** What a click on the snow does. */
+const tools = [
+  ["profile", "Profile"],
+  ["place", "Put"],
+  ["path", "Path"],
+  ["print", "Print"],
+] as const;
+
+/** The section, and what its tools do on the picture. */
+export function objectsSection(desk: Desk): { element: HTMLElement; tools: Tools } {
   const { model, look, viewport, report, say } = desk;
   const form = objectForm();
   // The stream tells of new objects a moment later, so those of this page are remembered.
@@ -30,19 +41,31 @@ export function objectsSection(desk: Desk): { element: HTMLElement; place: (x: n
     const { x, z } = viewport?.middle() ?? { x: (width * cell_size) / 2, z: (depth * cell_size) / 2 };
     return place(x, z);
   };
-  const tools = [
-    ["profile", "Click: profile"],
-    ["place", "Click: put"],
-  ] as const;
+  const [path, print] = [pathTool(desk), printTool(desk)];
+  look.tool.watch((tool) => {
+    path.element.hidden = tool !== "path";
+    print.element.hidden = tool !== "print";
+    if (tool !== "path") path.giveUp();
+  });
+  const lift = h("input", { type: "checkbox", name: "lift", change: () => look.lift.set(lift.checked) });
   const element = section(
     "Objects",
     pressingFields(desk),
     form.element,
     h("div", { class: "buttons" }, action("Put in the middle", { class: "primary" }, middle, report)),
-    viewport ? choice<Tool>("What a click does", tools, look.tool.get(), (tool) => look.tool.set(tool)) : null,
+    h("p", { class: "hint", "aria-hidden": "true" }, "What a click on the snow does"),
+    choice<Tool>("What a click on the snow does", tools, look.tool.get(), (tool) => look.tool.set(tool)),
+    path.element,
+    print.element,
+    h("label", { class: "check" }, lift, "Lift objects when they are moved"),
+    h("p", { class: "hint" }, "Otherwise they leave a track. With Shift they are lifted, too."),
     ...objectList(desk),
   );
-  return { element, place: (x, z) => void place(x, z).catch(report) };
+  const { add, go, giveUp } = path;
+  return {
+    element,
+    tools: { place: (x, z) => void place(x, z).catch(report), path: add, print: print.press, go, giveUp },
+  };
 }
 
 /** How snow gives way under objects. */

@@ -3,7 +3,8 @@
 import { h } from "../../dom.ts";
 import type { Look } from "../look.ts";
 import type { Model } from "../model.ts";
-import type { Mover } from "../pointer.ts";
+import type { Mover } from "../mover.ts";
+import type { Tools } from "../pointer.ts";
 import type { Viewport } from "../viewport.ts";
 import { checkpointsSection } from "./checkpoints.ts";
 import { lookSection } from "./look.ts";
@@ -26,8 +27,8 @@ export interface Desk {
   report: (error: unknown) => void;
 }
 
-/** The panel, and what puts an object somewhere [m]. */
-export function panel(desk: Desk): { element: HTMLElement; place: (x: number, z: number) => void } {
+/** The panel, and what its tools do on the picture. */
+export function panel(desk: Desk): { element: HTMLElement; tools: Tools } {
   const objects = objectsSection(desk);
   const sections = [
     timeSection(desk),
@@ -38,7 +39,7 @@ export function panel(desk: Desk): { element: HTMLElement; place: (x: number, z:
     measureSection(desk),
     checkpointsSection(desk),
   ];
-  return { element: h("aside", { class: "panel", "aria-label": "Controls" }, ...sections), place: objects.place };
+  return { element: h("aside", { class: "panel", "aria-label": "Controls" }, ...sections), tools: objects.tools };
 }
 
 /** A section that can be folded. */
