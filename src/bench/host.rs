@@ -37,7 +37,7 @@ impl Host {
             columns: 1 << 40,
             cells_per_session: 1 << 40,
             cells: 1 << 50,
-            colliders_per_session: 64,
+            colliders_per_session: 256,
         };
         let config = WorldConfig { limits, publish_rate, sleep: true };
         let (sessions, world) = Driver::start(backend::open(&engine)?, config)?;

@@ -13,7 +13,7 @@ use crate::session::Change;
 /// Clear snow
 ///
 /// Leaves at most a depth standing: on the whole grid, in a region, or along a path of a width. Legs of a path may
-/// cross 4 194 304 rows of columns together. The snow under objects stays, but under those that are `airborne`. What lies on objects
+/// cross 4 194 304 rows of columns together. The snow under objects stays, except under `airborne` ones. What lies on objects
 /// stays too.
 #[utoipa::path(
     post,

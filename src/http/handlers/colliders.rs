@@ -150,7 +150,7 @@ pub async fn get(
 /// Create or replace a collider
 ///
 /// Where the body has an `id`, it must be the one in the path. What the body leaves out has its default: an object that is replaced
-/// without a `velocity` stops. The snow that lies on it stays there, but on columns that it leaves.
+/// without a `velocity` stops. The snow that lies on it stays there, except on columns that it leaves.
 ///
 /// It stays where it is, or moves by itself: with a `velocity` (at most 100 m/s), a `turn_rate` (at most 720 °/s), or along a
 /// `path` that it takes `over` a time (0.001 to 86 400 s, at most 100 m/s on average). A path is followed first, then the velocity
@@ -195,7 +195,7 @@ pub async fn put(
 ///
 /// With `"sweep": true` the object is pushed to the `position` and turned to the `heading` instead, the shorter way round, and leaves a
 /// track. It takes the next cycle for that, or several where the way is longer than 32 columns. Sweeps before a cycle has passed follow
-/// each other. 422 for a sweep without a position and a heading, and for a sweep with a `path`.
+/// each other. 422 for a sweep with neither a position nor a heading, and for a sweep with a `path`.
 #[utoipa::path(
     patch,
     path = "/v1/sessions/{id}/colliders/{cid}",
