@@ -82,9 +82,9 @@ impl Plough {
     }
 }
 
-/// Three lanes from west to east and back, one behind the other.
+/// Three lanes from west to east and back, one behind the other, between the ways of walkers.
 fn road(size: f64) -> Vec<Position> {
     let corners =
-        [(0.06, 0.26), (0.94, 0.26), (0.94, 0.52), (0.06, 0.52), (0.06, 0.78), (0.94, 0.78)];
+        [(0.06, 0.28), (0.94, 0.28), (0.94, 0.5), (0.06, 0.5), (0.06, 0.764), (0.94, 0.764)];
     corners.iter().map(|(x, z)| Position { x: x * size, z: z * size }).collect()
 }

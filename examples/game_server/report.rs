@@ -92,8 +92,10 @@ impl Figures {
         let mean = 1e3 * (self.time - before.time) / frames;
         let timed = self.timed - before.timed;
         let device = 1e3 * (self.device - before.device) / timed;
-        format!(
-            "{frames} of {mean:.1} ms on average; of those timed the device took {device:.1} ms"
-        )
+        let all = format!("{frames} of {mean:.1} ms on average");
+        if timed == 0.0 {
+            return format!("{all}; the device timed none of them");
+        }
+        format!("{all}; of those timed the device took {device:.1} ms")
     }
 }
