@@ -46,7 +46,11 @@ impl Link {
                     answers.push(ack);
                 }
                 Message::Refused { problem, .. } => {
-                    return Err(format!("the server refused a command: {problem:?}").into());
+                    return Err(format!(
+                        "the server refused a command: {} {:?}",
+                        problem.detail, problem.errors
+                    )
+                    .into());
                 }
                 _ => {}
             }

@@ -24,6 +24,7 @@ mod walkers;
 
 use std::error::Error;
 use std::pin::pin;
+use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
@@ -68,8 +69,17 @@ struct Options {
 }
 
 #[tokio::main]
-async fn main() -> Result<(), Failure> {
-    let options = Options::parse();
+async fn main() -> ExitCode {
+    match run(Options::parse()).await {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            eprintln!("game_server: {why}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+async fn run(options: Options) -> Result<(), Failure> {
     let mut client = Client::new(&options.server)?;
     if let Some(key) = &options.key {
         client = client.with_key(key)?;
