@@ -36,7 +36,7 @@ struct FirstEntry {
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum FirstEvent {
-    Change(Change),
+    Change(Box<Change>),
     Reset,
 }
 
@@ -146,7 +146,7 @@ fn migrate_session(
         for event in events {
             let command = match event {
                 FirstEvent::Reset => Command::Reset,
-                FirstEvent::Change(change) => match fold.decide(&let_snow_through(change)) {
+                FirstEvent::Change(change) => match fold.decide(&let_snow_through(*change)) {
                     Ok(command) => spare_nothing(command),
                     Err(why) => {
                         warn!(session = id, "a change can't be repeated, and is left out: {why}");

@@ -250,7 +250,7 @@ impl Session {
         place: Place,
         request: impl FnOnce(Answer<T>) -> Request,
     ) -> Result<T, SessionError> {
-        let input = |reply| Input::Request { key: self.key, request: request(reply) };
+        let input = |reply| Input::Request { key: self.key, request: Box::new(request(reply)) };
         ask(&self.world, Some(place), input).await
     }
 

@@ -173,8 +173,8 @@ pub struct WorkOutcome {
     /// For each edit, the mass quanta it refused (`Deposit`, `Lay`) or removed (`Clear`, `Strip`), or its largest dent in
     /// thickness quanta (`Stamp`); first for those of the work, then for those of its moves.
     pub edits: Vec<u64>,
-    /// 1 + index of the last cycle of the run in which a cell changed; 0 where none did. Where objects move, that is
-    /// the last.
+    /// 1 + index of the last cycle of the run in which a cell changed; 0 where none did. An object that moves
+    /// counts as a change.
     pub last_change: u32,
     /// Numbers of its tiles in the outcome's `published`; none where it did not publish.
     pub tiles: Range<u32>,

@@ -87,7 +87,10 @@ impl Job {
         if let Some(progress) = &mut self.progress {
             let units = snowpack.go_on(progress, most);
             if progress.is_over() {
-                self.outcome.last_change = progress.last_change();
+                let before = self.moving.as_ref().map_or(0, |moving| moving.cycle as u32);
+                if progress.last_change() > 0 {
+                    self.outcome.last_change = before + progress.last_change();
+                }
                 self.progress = None;
             }
             return Some(units);
@@ -149,9 +152,11 @@ impl Job {
     fn begin_moves(&mut self, snowpack: &mut Snowpack, cycle: usize) {
         let Some(moves) = self.work.moves.get_mut(cycle) else {
             self.moving = None;
-            self.outcome.last_change = self.work.run.cycles;
             return;
         };
+        if moves.move_something() {
+            self.outcome.last_change = cycle as u32 + 1;
+        }
         let grid = *snowpack.grid();
         snowpack.begin_moves(moves.tiles(&grid));
         self.moving = Some(Moving { cycle, step: 0, begun: false });

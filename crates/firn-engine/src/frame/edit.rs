@@ -22,6 +22,11 @@ impl Moves {
         self.steps.len().max(1) as u32
     }
 
+    /// Whether anything is done in the cycle but that snow settles.
+    pub fn move_something(&self) -> bool {
+        self.steps.iter().any(|step| !step.is_empty())
+    }
+
     /// Columns under each object after each step.
     pub fn placements(&self) -> impl Iterator<Item = &Placement> {
         self.steps.iter().flatten().filter_map(|edit| match edit {

@@ -30,7 +30,6 @@ impl GpuBackend {
             totals.edits += self.results_of(frame.work[place].slot, part);
             parts[place].edits = first..totals.edits;
         }
-        self.moved = moving.keys().copied().collect();
         let last = rounds.pop().unwrap_or_default();
 
         self.tables.fit_to(&self.device, &self.arena);
@@ -116,13 +115,16 @@ impl GpuBackend {
                 dispatches.clear();
             }
         }
+        let mut moved = Vec::new();
         let (mut planner, residents) = self.planner(&mut evaluated);
         for mut moving in moving {
             planner.mark_moved(residents, &mut moving);
-            if let Some(job) = residents.get_mut(moving.slot()).and_then(|it| it.job.as_mut()) {
-                job.keep_moving(moving);
+            match residents.get_mut(moving.slot()).and_then(|it| it.job.as_mut()) {
+                Some(job) => job.keep_moving(moving),
+                None => moved.push(moving.moved()),
             }
         }
+        self.moved = moved;
         (encoder, dispatches)
     }
 

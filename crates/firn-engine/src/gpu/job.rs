@@ -129,7 +129,7 @@ impl Job {
                 let Work { slot, run, pressing, .. } = self.work;
                 let moves = std::mem::take(&mut self.moves);
                 let edits = self.edits() - count_edits(moves.iter());
-                Moving::new(slot, run.dt, pressing, moves, edits)
+                Moving::new(0, slot, run.dt, pressing, moves, edits)
             }
         };
         moving.go_on(part.moves, first_result);
@@ -138,6 +138,7 @@ impl Job {
 
     /// Keeps what is left of it for the next frame.
     pub fn keep_moving(&mut self, moving: Moving) {
+        self.outcome.last_change = self.outcome.last_change.max(moving.moved().1);
         self.moving = Some(Box::new(moving));
     }
 
@@ -197,8 +198,7 @@ impl Job {
 
     /// What is to be known of a part when it is done.
     pub fn flown(&self, part: &Part) -> Flown {
-        let moves = part.moves > 0;
-        Flown { done: part.done, units: part.units, moves, unfinished: self.outcome.unfinished }
+        Flown { done: part.done, units: part.units, unfinished: self.outcome.unfinished }
     }
 
     /// Takes in what came of a part.
@@ -207,10 +207,9 @@ impl Job {
         for ((all, own), joining) in edits.zip(&self.joining) {
             *all = joining(*all, *own);
         }
-        if part.moves {
-            self.outcome.last_change = self.work.run.cycles;
-        } else if outcome.last_change > 0 {
-            self.outcome.last_change = part.done + outcome.last_change;
+        if outcome.last_change > 0 {
+            let last_change = part.done + outcome.last_change;
+            self.outcome.last_change = self.outcome.last_change.max(last_change);
         }
         self.outcome.gathered.extend(outcome.gathered);
         self.outcome.columns.extend(outcome.columns);

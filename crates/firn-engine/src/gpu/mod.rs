@@ -58,8 +58,8 @@ pub struct GpuBackend {
     submitted: Instant,
     /// Parts of work in the frame in flight, by their places in it.
     flown: BTreeMap<usize, Flown>,
-    /// Places of the work in it in which objects move.
-    moved: Vec<usize>,
+    /// Places of the work in it in which objects move, with 1 + the last cycle in which one does.
+    moved: Vec<(usize, u32)>,
     /// Cycles of each work in it, those of a part's whole work where it is one.
     cycles: Vec<u32>,
     always_awake: bool,
@@ -267,8 +267,9 @@ impl GpuBackend {
         match arrived? {
             Some((mut outcome, awake)) => {
                 outcome.took = self.submitted.elapsed();
-                for place in std::mem::take(&mut self.moved) {
-                    outcome.work[place].last_change = self.cycles[place];
+                for (place, until) in std::mem::take(&mut self.moved) {
+                    let own = &mut outcome.work[place];
+                    own.last_change = own.last_change.max(until);
                 }
                 for (place, flown) in std::mem::take(&mut self.flown) {
                     self.take_in(&mut outcome.work[place], &flown);

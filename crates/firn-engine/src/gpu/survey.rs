@@ -136,8 +136,9 @@ impl Survey {
             let (run, moves) = (std::mem::take(&mut work.run), std::mem::take(&mut work.moves));
             let next = totals.edits;
             totals.edits += count_edits(moves.iter());
-            let moving = Moving::new(work.slot, run.dt, work.pressing, moves, next);
-            self.moving.insert(self.parts.len(), (run, moving));
+            let place = self.parts.len();
+            let moving = Moving::new(place, work.slot, run.dt, work.pressing, moves, next);
+            self.moving.insert(place, (run, moving));
         }
         if work.run.cycles > 0 {
             totals.cycles = totals.cycles.max(work.run.cycles);

@@ -60,8 +60,6 @@ pub struct Flown {
     pub done: u32,
     /// Units of all of it.
     pub units: u64,
-    /// Objects move in it.
-    pub moves: bool,
     /// Something of the job is left after it.
     pub unfinished: bool,
 }

@@ -291,8 +291,8 @@ impl Job {
         if !self.moves.is_empty() && self.units_of_step == 0 {
             self.units_of_step = self.units_of_moves(resident) / u64::from(self.steps);
         }
-        (self.at_once, self.cycle) = (1, 0);
-        self.tell_cycles(part);
+        // Its cycles are numbered from the first on, whatever the parts.
+        part.run = self.work.run;
         let fitting = most / self.units_of_step.max(1);
         part.moves = u32::try_from(fitting).unwrap_or(u32::MAX).clamp(1, self.steps);
         part.units += self.units_of_step * u64::from(part.moves);

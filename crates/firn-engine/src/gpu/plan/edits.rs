@@ -36,9 +36,8 @@ pub(super) struct Changed {
 }
 
 impl Changed {
-    /// Sorts them by tiles. Notes that these may wake, and that their stress is to be evaluated. Returns
-    /// them.
-    fn note(mut self, resident: &mut Resident) -> (Vec<(u32, u32)>, Vec<(u32, u32)>) {
+    /// Sorts them by tiles. Notes that these may wake, and that their stress is to be evaluated.
+    fn noted(mut self, resident: &mut Resident) -> Changed {
         for changes in [&mut self.snowed, &mut self.stamped] {
             changes.sort_unstable();
             let mut tiles: Vec<u32> = changes.iter().map(|&(tile, _)| tile).collect();
@@ -46,7 +45,7 @@ impl Changed {
             resident.unweighed.extend(tiles.iter().copied());
             resident.wake(tiles.into_iter());
         }
-        (self.snowed, self.stamped)
+        self
     }
 }
 
@@ -117,7 +116,7 @@ impl Planner<'_> {
             }
         }
         // Snow falls before objects are put: those cover it that were there before.
-        let (snowed, stamped) = changed.note(resident);
+        let Changed { snowed, stamped } = changed.noted(resident);
         self.edit_jobs(resident, snowed, &mut edited.edit_jobs);
         self.edit_jobs(resident, stamped, &mut edited.stamp_jobs);
         if moved {
@@ -214,7 +213,7 @@ impl Planner<'_> {
         for (result, edit) in edits {
             self.operate(resident, edit, *result, rows.clone(), &mut changed);
         }
-        let (snowed, stamped) = changed.note(resident);
+        let Changed { snowed, stamped } = changed.noted(resident);
         for (kernel, tiles) in [(KernelId::Snowfall, snowed), (KernelId::Stamp, stamped)] {
             let mut jobs = Vec::new();
             self.edit_jobs(resident, tiles, &mut jobs);

@@ -29,6 +29,11 @@ pub struct Moving {
     allowed: u32,
     /// The cycle under way.
     cycle: Option<Cycle>,
+    /// Its place among the work.
+    place: usize,
+    /// Number of the cycle under way, or of the next one, and 1 + that of the last in which something moved.
+    number: u32,
+    moved_until: u32,
     /// Number of the frame's first result, and of the next edit's after it.
     first_result: u32,
     next_edit: u32,
@@ -52,15 +57,17 @@ struct Cycle {
 struct Step {
     edit_jobs: Vec<(u32, EditJob)>,
     load_jobs: Vec<(u32, LoadJob)>,
-    /// Tiles by pages that take a whole cycle.
-    whole: BTreeMap<u32, Vec<u32>>,
-    /// Tiles by pages that take a step, by their kernel, the bits of its rate, and how far loads press in it.
-    stepped: BTreeMap<(KernelId, u32, u32), BTreeMap<u32, Vec<u32>>>,
+    /// Tiles by pages that take a whole cycle, by its number.
+    whole: BTreeMap<u32, BTreeMap<u32, Vec<u32>>>,
+    /// Tiles by pages that take a step, by the number of the cycle, their kernel, the bits of its rate, and how far loads
+    /// press in it.
+    stepped: BTreeMap<(u32, KernelId, u32, u32), BTreeMap<u32, Vec<u32>>>,
 }
 
 impl Moving {
-    /// The moves of a snowpack, whose first edit has a number among all of its work.
+    /// The moves of a snowpack at a place among the work; the first of their edits has a number among all of its own.
     pub fn new(
+        place: usize,
         slot: Slot,
         dt: f64,
         pressing: Pressing,
@@ -74,10 +81,18 @@ impl Moving {
             cycles: moves.into_iter(),
             allowed: u32::MAX,
             cycle: None,
+            place,
+            number: 0,
+            moved_until: 0,
             first_result: 0,
             next_edit,
             marked: BTreeSet::new(),
         }
+    }
+
+    /// Its place among the work, and 1 + the number of the last cycle so far in which something moved.
+    pub fn moved(&self) -> (usize, u32) {
+        (self.place, self.moved_until)
     }
 
     /// The snowpack.
@@ -96,7 +111,11 @@ impl Moving {
         if let Some(edits) = self.cycle.as_mut().and_then(|cycle| cycle.steps.next()) {
             return Some(edits);
         }
+        self.number += u32::from(self.cycle.is_some());
         let moves = self.cycles.next()?;
+        if moves.move_something() {
+            self.moved_until = self.number + 1;
+        }
         let loaded = resident.loads.keys().copied();
         let tiles: BTreeSet<u32> = loaded.chain(moves.tiles(&resident.layout.grid)).collect();
         for tile in &tiles {
@@ -126,11 +145,13 @@ impl Planner<'_> {
         let pass = Pass { first: first_collider, count, ..edit_pass() };
         self.dispatch(KernelId::Contact, 0, pass, count);
         self.stresses(step.load_jobs);
-        let whole = Pass { cycles: 1, flags: LISTED, ..Pass::default() };
-        self.compact_listed(KernelId::Compact, step.whole, whole);
-        for ((kernel, rate, press), pages) in step.stepped {
+        for (cycle, pages) in step.whole {
+            let whole = Pass { cycle, cycles: 1, flags: LISTED, ..Pass::default() };
+            self.compact_listed(KernelId::Compact, pages, whole);
+        }
+        for ((cycle, kernel, rate, press), pages) in step.stepped {
             let (rate, flags) = (f32::from_bits(rate), LISTED | STEPPED);
-            let pass = Pass { cycles: 1, flags, rate, press, ..Pass::default() };
+            let pass = Pass { cycle, cycles: 1, flags, rate, press, ..Pass::default() };
             self.compact_listed(kernel, pages, pass);
         }
         any
@@ -169,14 +190,16 @@ impl Planner<'_> {
         self.load_jobs(first, resident, cycle.tiles.iter().copied(), &mut step.load_jobs);
         let row = |tile: &u32| (resident.page(*tile), resident.lot.tiles.start + tile);
         if !std::mem::replace(&mut cycle.begun, true) {
+            let whole = step.whole.entry(moving.number).or_default();
             for tile in resident.may_move().filter(|tile| !cycle.tiles.contains(tile)) {
                 let (page, row) = row(&tile);
-                step.whole.entry(page).or_default().push(row);
+                whole.entry(page).or_default().push(row);
             }
         }
         let dt = moving.dt / f64::from(cycle.count);
         let (rate, press) = compaction_in(dt, moving.pressing);
-        let pages = (compaction_of(moving.pressing), rate.to_bits(), press);
+        let kernel = compaction_of(moving.pressing);
+        let pages = (moving.number, kernel, rate.to_bits(), press);
         let pages = step.stepped.entry(pages).or_default();
         for (page, row) in cycle.tiles.iter().map(row) {
             pages.entry(page).or_default().push(row);
