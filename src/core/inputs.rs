@@ -21,7 +21,7 @@ impl World {
             },
             Input::Request { key, request } => match self.absence() {
                 Some(why) => request.refuse(&why),
-                None => self.post(key, *request),
+                None => self.post(key, request),
             },
             Input::Control { key, control } => match self.absence() {
                 Some(why) => control.refuse(&why),

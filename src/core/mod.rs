@@ -77,7 +77,7 @@ pub(crate) enum Input {
     /// A session is created.
     Create { creation: Creation, made: Made },
     /// Waits in the session's inbox.
-    Request { key: u64, request: Box<Request> },
+    Request { key: u64, request: Request },
     /// Does not wait for what is in the session's inbox.
     Control { key: u64, control: Control },
     /// A beat is due: there are up to 60 of them in a second, and those that were missed slip.

@@ -45,6 +45,7 @@ impl Session {
             Some(applied) => Ok(applied),
             None => {
                 self.check_unlocked()?;
+                let change = Box::new(change);
                 self.ask_durably(bytes, |reply| Request::Change { change, once, reply }).await
             }
         }
@@ -250,7 +251,7 @@ impl Session {
         place: Place,
         request: impl FnOnce(Answer<T>) -> Request,
     ) -> Result<T, SessionError> {
-        let input = |reply| Input::Request { key: self.key, request: Box::new(request(reply)) };
+        let input = |reply| Input::Request { key: self.key, request: request(reply) };
         ask(&self.world, Some(place), input).await
     }
 

@@ -20,7 +20,7 @@ pub enum Heard {
     /// That it was done.
     Nothing,
     /// What a change did.
-    Applied(Applied),
+    Applied(Box<Applied>),
     /// The hash of the token that a session has now.
     Token(String),
 }
@@ -139,7 +139,8 @@ pub fn send(
             }
             operation => {
                 let change = change(&operation, &spec);
-                return session.change_once(change, once).await.map(Heard::Applied);
+                let applied = session.change_once(change, once).await?;
+                return Ok(Heard::Applied(Box::new(applied)));
             }
         }
         Ok(Heard::Nothing)

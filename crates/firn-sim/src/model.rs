@@ -171,7 +171,7 @@ impl Model {
                 if !self.asked.iter().any(|asked| asked.operation.resets()) {
                     self.tick = self.tick.max(applied.stamp().tick);
                 }
-                if let Applied::Clearing(reply) = applied {
+                if let Applied::Clearing(reply) = &**applied {
                     self.cleared.1 += quanta(reply.cleared_mass, &self.spec.grid);
                 }
             }

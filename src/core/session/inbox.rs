@@ -20,7 +20,7 @@ pub(crate) type Look = Box<dyn FnOnce(&Simulation) + Send>;
 
 /// What a session is asked.
 pub(crate) enum Request {
-    Change { change: Change, once: Option<Once>, reply: Answer<Receipted<Applied>> },
+    Change { change: Box<Change>, once: Option<Once>, reply: Answer<Receipted<Applied>> },
     Step { number: u64, step: StepSpec, reply: Answer<Receipted<()>> },
     Reset { to: Beginning, reply: Answer<Receipted<()>> },
     Snapshot { reply: Answer<Snapshot> },
@@ -145,7 +145,7 @@ impl Simulation {
     fn take(&mut self, request: Request, most_colliders: usize) {
         match request {
             Request::Change { change, once, reply } => {
-                self.change(change, once, most_colliders, reply);
+                self.change(*change, once, most_colliders, reply);
             }
             Request::Step { number, step, reply } => self.begin_step(number, &step, reply),
             Request::Reset { to, reply } => self.begin_reset(to, reply),

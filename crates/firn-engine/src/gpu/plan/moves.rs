@@ -52,16 +52,19 @@ struct Cycle {
     begun: bool,
 }
 
-/// What a step has to be done, of all snowpacks.
+/// Rows of tiles, by their pages.
+type Pages = BTreeMap<u32, Vec<u32>>;
+
+/// What has to be done in a step, of all snowpacks.
 #[derive(Default)]
 struct Step {
     edit_jobs: Vec<(u32, EditJob)>,
     load_jobs: Vec<(u32, LoadJob)>,
     /// Tiles by pages that take a whole cycle, by its number.
-    whole: BTreeMap<u32, BTreeMap<u32, Vec<u32>>>,
+    whole: BTreeMap<u32, Pages>,
     /// Tiles by pages that take a step, by the number of the cycle, their kernel, the bits of its rate, and how far loads
     /// press in it.
-    stepped: BTreeMap<(u32, KernelId, u32, u32), BTreeMap<u32, Vec<u32>>>,
+    stepped: BTreeMap<(u32, KernelId, u32, u32), Pages>,
 }
 
 impl Moving {
