@@ -91,7 +91,11 @@ export interface components {
             heading: number;
             /** @description Whether it is held up and does not press the snow. */
             airborne: boolean;
-            /** @description Whether snow that falls on its columns lies on it, not under it. */
+            /**
+             * @description Whether snow that falls on its columns lies on it, not under it.
+             *
+             *     Objects that were stored before there was a choice let it fall through.
+             */
             shelters: boolean;
         };
         /** @description A cell of the fixed grid. */
@@ -756,7 +760,7 @@ export interface components {
             velocity: components["schemas"]["Position"];
             /** @description How fast it turns [°/s], clockwise from above; absent where it is 0. */
             turn_rate: number;
-            /** @description Points [x, z] [m] that it still has to pass, in order; absent where there are none. */
+            /** @description Points [x, z] [m] that it still has to pass, in order, the next 16 at the most; absent where there are none. */
             path: number[][];
             /** @description Its speed along the path [m/s]; absent where it is swept to the end in the next cycle. */
             speed: number;

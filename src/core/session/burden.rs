@@ -1,7 +1,7 @@
 //! Snow that lies on objects: it falls on them, weighs them down, and is laid on the columns they leave.
 //!
 //! All of it is known here, but for what finds no room where it is laid. The device tells that after a frame. It goes
-//! back to the object, and weighs on it from the next tick on. However ticks are cut into frames, it is known by
+//! back to the object, and weighs on it from the tick after next on. However ticks are cut into frames, it is known by
 //! then, because no more than one of them is taken meanwhile.
 
 use std::sync::Arc;

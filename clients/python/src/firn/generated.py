@@ -783,7 +783,7 @@ class Motion(TypedDict):
     """How fast it turns [°/s], clockwise from above; absent where it is 0."""
 
     path: list[list[float]]
-    """Points [x, z] [m] that it still has to pass, in order; absent where there are none."""
+    """Points [x, z] [m] that it still has to pass, in order, the next 16 at the most; absent where there are none."""
 
     speed: float
     """Its speed along the path [m/s]; absent where it is swept to the end in the next cycle."""
@@ -812,7 +812,11 @@ class Body(Motion):
     """Whether it is held up and does not press the snow."""
 
     shelters: bool
-    """Whether snow that falls on its columns lies on it, not under it."""
+    """
+    Whether snow that falls on its columns lies on it, not under it.
+
+    Objects that were stored before there was a choice let it fall through.
+    """
 
 
 class ColliderView(Body):
