@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use firn_protocol::{SessionSpec, SettingsPatch, SnowLayer};
+use firn_snow::Preset;
 use tokio::runtime::Runtime;
 use tokio::task::JoinSet;
 
@@ -172,5 +173,18 @@ pub(super) fn spec(side: u32, depth: f64) -> SessionSpec {
     let layer = SnowLayer { depth, temperature: Some(-3.0), density: Some(20.0) };
     let mut spec = SessionSpec { initial_snow: vec![layer], ..SessionSpec::default() };
     (spec.grid.width, spec.grid.depth) = (side, side);
+    spec
+}
+
+/// Depth of the snow for games \[m\]: six full cells and half of one.
+pub(super) const GAME_SNOW: f64 = 0.65;
+
+/// A square of fresh snow for games, with so many columns of 0.1 m along each side.
+pub(super) fn game_spec(side: u32) -> SessionSpec {
+    let (material, pressing) = (Preset::Game.material(), Preset::Game.pressing());
+    let mut spec = SessionSpec { material, pressing, ..spec(side, GAME_SNOW) };
+    (spec.grid.height, spec.grid.cell_size) = (16, 0.1);
+    let fresh = SnowLayer { depth: GAME_SNOW, temperature: Some(-3.0), density: None };
+    spec.initial_snow = vec![fresh];
     spec
 }

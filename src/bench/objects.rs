@@ -1,22 +1,17 @@
 //! Objects that move by themselves over a large world, all at a time.
 
-use firn_protocol::{ColliderBatch, ColliderSpec, SessionSpec, SnowLayer};
-use firn_snow::{Position, Preset, Shape};
+use firn_protocol::{ColliderBatch, ColliderSpec};
+use firn_snow::{Position, Shape};
 
 use crate::session::{Change, FRAME_RATE};
 
 use super::case::Case;
-use super::host::{Host, spec};
+use super::host::{Host, game_spec};
 use super::report::Report;
 use super::{BenchError, Plan, frames};
 
-/// Columns along each side at full scale, their size \[m\], and their slots.
+/// Columns along each side at full scale.
 const SIDE: u32 = 1000;
-const COLUMN: f64 = 0.1;
-const HEIGHT: u32 = 16;
-
-/// Snow \[m\]: six full cells and half of one.
-const SNOW: f64 = 0.65;
 
 /// Objects, their speed \[m/s\], and how often they cross the world.
 const OBJECTS: u32 = 200;
@@ -35,7 +30,7 @@ pub(super) fn measure(
     }
     observe("objects: moving objects");
     let host = Host::start(plan, FRAME_RATE)?;
-    let session = host.create(snow(plan.side(SIDE)))?;
+    let session = host.create(game_spec(plan.side(SIDE)))?;
     let grid = session.spec.grid;
     let extent = f64::from(grid.width) * grid.cell_size;
     let batch = ColliderBatch { put: objects(extent), ..ColliderBatch::default() };
@@ -44,15 +39,6 @@ pub(super) fn measure(
     let grid = [grid.width, grid.depth, grid.height];
     report.cases.push(frames::measured(case, 1, grid, &watched)?);
     Ok(())
-}
-
-/// A session with snow for games.
-fn snow(side: u32) -> SessionSpec {
-    let (material, pressing) = (Preset::Game.material(), Preset::Game.pressing());
-    let mut spec = SessionSpec { material, pressing, ..spec(side, SNOW) };
-    (spec.grid.height, spec.grid.cell_size) = (HEIGHT, COLUMN);
-    spec.initial_snow = vec![SnowLayer { depth: SNOW, temperature: Some(-3.0), density: None }];
-    spec
 }
 
 /// Objects side by side, which go to and fro.

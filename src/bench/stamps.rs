@@ -2,26 +2,19 @@
 
 use std::time::{Duration, Instant};
 
-use firn_protocol::{Clearing, SessionSpec, SnowLayer, Snowfall, StampBatch, StampSpec};
-use firn_snow::{Position, Preset, Shape};
+use firn_protocol::{Clearing, SessionSpec, Snowfall, StampBatch, StampSpec};
+use firn_snow::{Position, Shape};
 
 use crate::session::{Applied, Change, FRAME_RATE, FrameParts, Session};
 
 use super::case::Case;
-use super::host::{Host, spec};
+use super::host::{GAME_SNOW, Host, game_spec};
 use super::report::{Clock, Measured, Report};
 use super::spread::Spread;
 use super::{BenchError, Plan, frames};
 
-/// Columns along each side at full scale, and the size of one \[m\].
+/// Columns along each side at full scale.
 const SIDE: u32 = 1000;
-const COLUMN: f64 = 0.1;
-
-/// Slots of a column.
-const HEIGHT: u32 = 16;
-
-/// Snow \[m\]: six full cells and half of one.
-const SNOW: f64 = 0.65;
 
 /// Prints along each side of a batch: 4096 in all.
 const PRINTS: u32 = 64;
@@ -41,7 +34,7 @@ pub(super) fn measure(
     }
     observe("stamps: pressing prints");
     let host = Host::start(plan, FRAME_RATE)?;
-    let session = host.create(snow(plan.side(SIDE)))?;
+    let session = host.create(SessionSpec { paused: true, ..game_spec(plan.side(SIDE)) })?;
     let grid = session.spec.grid;
     let (mut times, mut parts) = (Vec::new(), Vec::new());
     for sample in 0..=plan.samples {
@@ -86,19 +79,10 @@ fn sum(all: FrameParts, one: FrameParts) -> FrameParts {
     }
 }
 
-/// A paused session with snow for games.
-fn snow(side: u32) -> SessionSpec {
-    let material = Preset::Game.material();
-    let mut spec = SessionSpec { paused: true, material, ..spec(side, SNOW) };
-    (spec.grid.height, spec.grid.cell_size) = (HEIGHT, COLUMN);
-    spec.initial_snow = vec![SnowLayer { depth: SNOW, temperature: Some(-3.0), density: None }];
-    spec
-}
-
 /// Takes all snow away, and has as much fall.
 fn renew(host: &Host, session: &Session) -> Result<(), BenchError> {
     let clearing = Clearing::default();
-    let snowfall = Snowfall::new(SNOW);
+    let snowfall = Snowfall::new(GAME_SNOW);
     for change in [Change::Clearing(clearing), Change::Snowfall(snowfall)] {
         host.runtime.block_on(session.change(change))?;
     }
