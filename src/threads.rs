@@ -44,7 +44,7 @@ impl Pool {
             .num_threads(threads)
             .thread_name(move |number| format!("{name}-{number}"))
             .start_handler(|_| give_way(Priority::Low))
-            // Whoever waits is told.
+            // A panic shows where the result of the work is waited for.
             .panic_handler(|_| {});
         builder.build().map(|pool| Pool(Arc::new(pool)))
     }

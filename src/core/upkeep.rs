@@ -22,8 +22,8 @@ const RETRY: Duration = Duration::from_secs(1);
 const RETRY_CHECKPOINT: Duration = Duration::from_secs(60);
 
 impl World {
-    /// Does what is due in this frame. Sessions of which nothing is due are not looked at: there may
-    /// be thousands of them.
+    /// Does what is due in this frame. Sessions with nothing due are not looked at: there may be
+    /// thousands of them.
     pub(crate) fn look_after_sessions(&mut self) {
         let fallen = std::mem::take(&mut self.fallen);
         self.go_back(&fallen);

@@ -66,7 +66,7 @@ fn tell_of_damage(
     }
     let Some(Damage { what, missing }) = damage else { return Ok(broken.len()) };
     for key in missing {
-        warn!("can't be brought back: a session of which nothing was found (key {key})");
+        warn!("can't be brought back: a session that was not found (key {key})");
     }
     if stored.is_empty() && !accepted {
         return Err(StartError::Lost(what.clone()));

@@ -131,7 +131,7 @@ fn report(rows: BTreeMap<Row, Content>, format: Format, damage: Option<Damage>) 
         }
     }
     let missing = damage.iter().flat_map(|damage| &damage.missing);
-    broken.extend(missing.map(|key| format!("a session of which nothing was found (key {key})")));
+    broken.extend(missing.map(|key| format!("a session that was not found (key {key})")));
     let damage = damage.map(|damage| damage.what);
     StoreReport { format, sessions: whole, broken, damage }
 }

@@ -343,7 +343,7 @@ mod tests {
         let hashes = Tokens::generate().unwrap().hashes();
         let make = || Session::new(&sessions, "a".to_owned(), None, spec(4), None, hashes);
         let made = || Arc::new(make().unwrap());
-        // One of which nothing comes leaves its name to its place, and that to the next.
+        // A session that could not be made leaves its name free for the next.
         let (failed, place) = (made(), reserve().unwrap());
         names.forget(&failed);
         assert!(matches!(reserve(), Err(SessionError::Conflict(_))));

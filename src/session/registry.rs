@@ -260,8 +260,8 @@ impl Sessions {
         self.names.get(id)
     }
 
-    /// What is told of a session that is not there: [`SessionError::NotFound`], or
-    /// [`SessionError::Unavailable`] while sessions are brought back and it may be one of them.
+    /// The error for a name without a session: [`SessionError::NotFound`], or [`SessionError::Unavailable`] while
+    /// sessions are brought back and this may be one of them.
     pub fn absence(&self, id: &str) -> SessionError {
         let unknown = || SessionError::NotFound { kind: "session", id: id.to_owned() };
         self.recovering().unwrap_or_else(unknown)

@@ -322,7 +322,7 @@ pub(crate) async fn blocking<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, SessionError> + Send + 'static,
 ) -> Result<T, SessionError> {
     let (send, receive) = oneshot::channel();
-    // Whoever has gone away needs no answer.
+    // Sending fails if the client has gone, and then no answer is needed.
     let work = Box::new(move || drop(send.send(work())));
     machine::aside(work, |work| drop(tokio::task::spawn_blocking(work)));
     let failed = |_| SessionError::Internal("reading or making a snapshot failed".to_owned());

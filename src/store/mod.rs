@@ -157,7 +157,7 @@ pub struct Loaded {
 pub struct Damage {
     /// What was found, and where.
     pub what: String,
-    /// Keys of sessions that should be there, and of which nothing was found.
+    /// Keys of sessions that should be there and were not found.
     pub missing: Vec<u64>,
 }
 

@@ -245,7 +245,7 @@ impl RedbStore {
         };
         let all = rows.iter().chain(&own).map(sealed);
         put_all(&database, all, self.batch).map_err(io::Error::other)?;
-        // The file is locked by whoever has it open.
+        // An open database keeps its file locked.
         drop((database, self.database.take()));
         let kept = directory.keep_aside(why)?;
         warn!("the file that was there is kept as {}", kept.display());

@@ -2,8 +2,8 @@
 //!
 //! Removed rows lie about in the file until something is written over them, perhaps for as long as
 //! the file lives. So a deleted session leaves a tombstone, which salvage honours. No age makes one
-//! needless, but keys are never used twice: once there are many, a roster takes their place, the list
-//! of all sessions that live. Whoever has a key below the roster's end and is not in it is dead.
+//! needless, but keys are never used twice: once there are many, a roster takes their place: the list
+//! of all sessions that live. A session is deleted if its key is below the roster's end and not in the roster.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,7 +13,7 @@ use super::{Content, Kind, Row, Write};
 /// Tombstones that a roster replaces.
 const MOST_TOMBSTONES: usize = 1024;
 
-/// Key of what belongs to no session. Sessions have keys that are counted from 0.
+/// Key of the rows that are not a session's. The keys of sessions count from 0.
 pub(super) const NOBODY: u64 = u64::MAX;
 
 /// The row of the roster.
@@ -71,7 +71,7 @@ impl Population {
         let roster = rows.remove(&ROSTER).and_then(|content| Roster::decode(&content.bytes));
         let known = secret::of(rows);
         rows.remove(&secret::ROW);
-        // Whoever writes a roster writes the secret too.
+        // A roster and the secret are written together.
         let listed = roster.is_some() && known.is_some();
         let mut population = Population {
             roster: roster.unwrap_or_default(),
@@ -188,8 +188,8 @@ pub(super) fn is_kept_twice(kind: Kind) -> bool {
     )
 }
 
-/// Takes the sessions out of what was found in a damaged file that were deleted. Returns those that
-/// should be there and of which nothing was found.
+/// Takes the sessions out of what was found in a damaged file that were deleted. Returns the keys
+/// of sessions that should be there and were not found.
 ///
 /// A tombstone or a roster may be of a batch that was never made: then its sessions have newer rows,
 /// because each start writes some of every session, and after a failure those of a batch that was not made

@@ -13,8 +13,8 @@ use crate::session::Companion;
 use super::memory::{OpenStream, Part, StreamMemory};
 use super::quantum::Quantum;
 
-/// Ways of encoding that are shared in one session at a time. Whoever wants another has its tiles
-/// encoded for itself: otherwise a client could fill the memory with quanta that nobody else uses.
+/// Ways of encoding that are shared in one session at a time. A stream that wants another has its
+/// tiles encoded by itself: otherwise a client could fill the memory with quanta that nobody else uses.
 const MOST_WAYS: usize = 16;
 
 /// The encoded tiles of a session, and how often they were made and shared.

@@ -99,7 +99,7 @@ where
     loop {
         let reading = pending.len() + ready.len() < PIPELINE && waiting < WAITING;
         if !reading {
-            // Whoever is not listened to can't be called silent.
+            // A client that is not listened to can't be called silent.
             heard = Instant::now();
         }
         tokio::select! {

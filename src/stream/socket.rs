@@ -102,7 +102,7 @@ async fn tell<T: Serialize + Send + 'static>(
 /// Waits until the session has other tokens than the caller's, or its API key is good no more.
 async fn disowned(session: &Session, caller: &Caller, app: &App) {
     let (mut tokens, mut keys) = (session.token_changes(), app.gate.access.key_changes());
-    // The session and the server outlive this, and with them whoever could change either.
+    // Both senders outlive this: they belong to the session and the server.
     tokio::select! {
         _ = tokens.wait_for(|tokens| !caller.is_known_to(tokens)) => {}
         _ = keys.wait_for(|keys| !caller.is_among(keys)) => {}
@@ -130,6 +130,6 @@ pub async fn end(mut socket: WebSocket, cause: Cause, unfinished: Option<&Unfini
             sleep(limits.stream_farewell).await;
         }
     };
-    // Whoever takes longer is cut off.
+    // A client that takes longer is cut off.
     let _ = timeout(limits.stream_farewell, farewell).await;
 }

@@ -27,6 +27,13 @@ fn session(depth: f64, density: f64) -> Value {
     })
 }
 
+/// A session whose columns are full of snow as dense as it gets.
+fn full() -> Value {
+    let mut body = session(3.0, 450.0);
+    body["material"] = json!({"max_density": 450, "fresh_density": 60});
+    body
+}
+
 fn plate(mass: f64, x: f64, z: f64, width: f64, depth: f64) -> Value {
     json!({"mass": mass, "position": {"x": x, "z": z},
         "shape": {"type": "box", "width": width, "depth": depth}})
@@ -157,10 +164,7 @@ async fn what_moves_lays_its_snow_down_behind_it(backend: BackendChoice) {
 
 async fn what_finds_no_room_stays_on_the_object(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    // Columns full of snow as dense as it gets.
-    let mut body = session(3.0, 450.0);
-    body["material"] = json!({"max_density": 450, "fresh_density": 60});
-    let path = server.create(body).await;
+    let path = server.create(full()).await;
     let one = format!("{path}/colliders/plate");
     server.put(&one, plate(10.0, 1.0, 1.0, 1.0, 1.0)).await.expect(201);
     snow(&server, &path, 0.2, 60.0).await;
@@ -186,9 +190,7 @@ async fn what_finds_no_room_stays_on_the_object(backend: BackendChoice) {
 
 async fn an_object_of_the_same_name_gets_nothing_of_the_one_before(backend: BackendChoice) {
     let server = Server::start(backend).await;
-    let mut body = session(3.0, 450.0);
-    body["material"] = json!({"max_density": 450, "fresh_density": 60});
-    let path = server.create(body).await;
+    let path = server.create(full()).await;
     let one = format!("{path}/colliders/plate");
     server.put(&one, plate(10.0, 1.0, 1.0, 1.0, 1.0)).await.expect(201);
     let fall = json!({"depth": 0.2, "density": 60});

@@ -28,6 +28,7 @@ mod snapshots;
 mod snow;
 mod snowing;
 mod stamps;
+mod steps;
 mod strangers;
 #[path = "../support/mod.rs"]
 mod support;

@@ -197,7 +197,7 @@ function readTiles(reader: Reader, stride: number, tilesX: number): Tile[] {
     place += reader.u32();
     const code = reader.number();
     const count = Math.floor(code / 2);
-    // No server sends more than a grid can hold: whoever claims more would fill the memory.
+    // No server sends more tiles than a grid can hold. A false count must not fill the memory.
     if (count === 0 || place + count > 2 ** 24) throw reader.wrong("a run has 1 to 2^24 tiles");
     const end = place + count;
     if (code % 2 === 1) {

@@ -1,18 +1,13 @@
 // Objects that move and carry snow, over REST and the stream, against the real server.
 
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { after, test } from "node:test";
 
 import { type Collider, type ColliderSpec, Firn, type Session, type Stamp } from "../src/index.ts";
-import { type Server, startServer } from "./server.ts";
+import { startServer } from "./server.ts";
 
-let server: Server;
-let firn: Firn;
-
-before(async () => {
-  server = await startServer({ args: ["--backend", "cpu"] });
-  firn = new Firn(server.url);
-});
+const server = await startServer({ args: ["--backend", "cpu"] });
+const firn = new Firn(server.url);
 
 after(() => server.stop());
 

@@ -1,18 +1,13 @@
 // REST against the real server.
 
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { after, test } from "node:test";
 
 import { type ColliderSpec, Firn, ProblemError, type StampSpec } from "../src/index.ts";
-import { type Server, startServer } from "./server.ts";
+import { startServer } from "./server.ts";
 
-let server: Server;
-let firn: Firn;
-
-before(async () => {
-  server = await startServer({ args: ["--backend", "cpu"] });
-  firn = new Firn(server.url);
-});
+const server = await startServer({ args: ["--backend", "cpu"] });
+const firn = new Firn(server.url);
 
 after(() => server.stop());
 

@@ -1,7 +1,7 @@
 // Streams against the real server.
 
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { after, test } from "node:test";
 
 import {
   type Change,
@@ -12,15 +12,10 @@ import {
   type StreamState,
 } from "../src/index.ts";
 import { openLine } from "./line.ts";
-import { type Server, startServer } from "./server.ts";
+import { startServer } from "./server.ts";
 
-let server: Server;
-let firn: Firn;
-
-before(async () => {
-  server = await startServer({ args: ["--backend", "cpu"] });
-  firn = new Firn(server.url);
-});
+const server = await startServer({ args: ["--backend", "cpu"] });
+const firn = new Firn(server.url);
 
 after(() => server.stop());
 

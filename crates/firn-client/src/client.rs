@@ -130,7 +130,7 @@ impl Client {
         read.map(drop).map_err(|error| Error::Unreadable { what, why: root_cause(&error) })
     }
 
-    /// Reads something that is too large to be read at once. Returns the response, of which nothing is read yet.
+    /// Reads something that is too large to be read at once. Returns the response before its body is read.
     ///
     /// # Errors
     /// [`Error::Refused`] where the server says why not.

@@ -90,17 +90,15 @@ impl SessionState {
     /// Puts an object. Returns on how many tiles it stands.
     fn put(&mut self, id: &Arc<str>, object: &Body, orders: &mut Orders) -> u64 {
         let before = self.colliders.remove(id);
-        let carried = before.as_ref().map(|old| old.carried.clone()).unwrap_or_default();
         // It was in the grid when this was decided.
-        let Some(mut collider) = Collider::new(object.clone(), carried, &self.grid) else {
-            return 0;
-        };
+        let Some(mut collider) = Collider::new(object.clone(), &self.grid) else { return 0 };
         // What leaves an object where it is doesn't move it: the depth it has sunk goes on counting.
         let placed = before.as_ref().is_none_or(|old| !old.body.stands_as(object));
-        if let Some(mut old) = before.filter(|_| placed) {
+        if let Some(mut old) = before {
             let after = ColumnSet::under(&collider.placement.footprints);
             self.lay_down(&mut old, &after, Some(id), orders);
-            collider.carry(old.carried, &self.grid);
+            collider.carried = old.carried;
+            collider.weigh(&self.grid);
         }
         if object.motion.is_still() {
             self.movers.remove(id);

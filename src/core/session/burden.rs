@@ -101,9 +101,8 @@ impl Collider {
         Some(Laid { columns: left.rects(), snow })
     }
 
-    /// Has snow lie on it.
-    pub fn carry(&mut self, carried: Carried, grid: &Grid) {
-        self.carried = carried;
+    /// Has it weigh what it does with the snow on it.
+    pub fn weigh(&mut self, grid: &Grid) {
         let mass = Collider::weight(&self.body, &self.carried, grid);
         Arc::make_mut(&mut self.placement).mass = mass;
     }
@@ -196,7 +195,7 @@ impl SessionState {
     pub fn weigh(&mut self, orders: &mut Orders) {
         for id in std::mem::take(&mut orders.weighed) {
             let Some(collider) = self.colliders.get_mut(&id) else { continue };
-            collider.carry(collider.carried.clone(), &self.grid);
+            collider.weigh(&self.grid);
             let collider = collider.placement.clone();
             orders.edits.push(Edit::PutCollider { id, collider, placed: false });
         }

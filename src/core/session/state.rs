@@ -71,12 +71,13 @@ impl SessionState {
 }
 
 impl Collider {
-    /// An object that has not touched the snow yet; nothing where none of its columns is in the grid.
-    pub fn new(body: Body, carried: Carried, grid: &Grid) -> Option<Collider> {
-        let (footprints, mass) = (body.on(grid)?, Collider::weight(&body, &carried, grid));
-        let placement = Arc::new(Placement { mass, cover: body.cover(), footprints });
+    /// An object without snow on it that has not touched any yet; nothing if none of its columns is in the grid.
+    pub fn new(body: Body, grid: &Grid) -> Option<Collider> {
+        let (mass, cover, footprints) = (body.load(), body.cover(), body.on(grid)?);
+        let placement = Arc::new(Placement { mass, cover, footprints });
         let reach = Reach::new(&body, grid);
-        Some(Collider { body, placement, carried, contact: Contact::default(), reach })
+        let (carried, contact) = (Carried::default(), Contact::default());
+        Some(Collider { body, placement, carried, contact, reach })
     }
 
     /// What an object weighs on the snow with what it carries \[kg\].

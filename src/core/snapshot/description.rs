@@ -48,8 +48,10 @@ pub struct SavedCollider {
 impl SavedCollider {
     /// The object; `None` where it does not stand in the grid.
     pub fn collider(&self, grid: &Grid) -> Option<Collider> {
-        let new = Collider::new(self.body.clone(), self.carried.clone(), grid)?;
-        Some(Collider { contact: self.contact, ..new })
+        let mut collider = Collider::new(self.body.clone(), grid)?;
+        (collider.contact, collider.carried) = (self.contact, self.carried.clone());
+        collider.weigh(grid);
+        Some(collider)
     }
 }
 

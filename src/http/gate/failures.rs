@@ -9,7 +9,7 @@ use governor::Quota;
 
 use super::rates::Rates;
 
-/// Failures at once that an address is told of.
+/// Failures that an address may have at once before it is limited.
 const BURST: NonZeroU32 = NonZeroU32::new(10).expect("not zero");
 
 /// Most networks that are counted one by one; all others share one count. So a client with very many

@@ -1,4 +1,6 @@
+mod events;
 mod ground;
+mod pace;
 
 use std::time::Duration;
 
@@ -248,73 +250,6 @@ fn a_view_that_moves_before_it_has_resumed_is_sent_what_came_into_it() {
     assert_eq!((tiles(&delta), &delta["recovered"]), (vec![(0, 0), (16, 0)], &json!(true)));
 }
 
-/// Tells a change at a tick when that is due, but not before a time. Returns when it was told.
-fn tell(paced: &mut Subscription, mirror: &mut Mirror, tick: u64, now: Instant) -> Instant {
-    mirror.clock = Clock::new(60.0, 1.0);
-    mirror.clock.pass(tick);
-    mirror.seq += 1;
-    mirror.colliders_version = mirror.seq;
-    mirror.colliders = Arc::new([collider("a", (mirror.seq % 9) as f64)]);
-    paced.mark(tick);
-    let now = paced.due().unwrap().max(now);
-    let copied = paced.copy(mirror, 0, &unsent()).expect("there is room");
-    assert!(paced.message(copied, now).is_some());
-    now
-}
-
-const PERIOD: Duration = Duration::from_millis(100);
-
-fn paced(start: Instant) -> (Subscription, Mirror) {
-    let wish = Subscribe { max_rate: 10.0, colliders: true, ..Subscribe::default() };
-    let mut paced = begin(&wish, start).unwrap();
-    let mut mirror = mirror();
-    assert_eq!(tell(&mut paced, &mut mirror, 1, start), start);
-    (paced, mirror)
-}
-
-#[test]
-fn ticks_are_told_at_once_whenever_their_client_subscribed() {
-    let start = Instant::now();
-    for after_tick in [1, 50, 99] {
-        let (mut paced, mut mirror) = paced(start);
-        let mut at = start + Duration::from_millis(after_tick);
-        for tick in 2..20 {
-            assert_eq!(tell(&mut paced, &mut mirror, tick, at), at, "{after_tick} ms, {tick}");
-            // Between two ticks something changes. It does not keep the next tick from being told.
-            paced.mark(tick);
-            assert!(paced.due().unwrap() >= at + PERIOD);
-            at += PERIOD;
-        }
-    }
-}
-
-#[test]
-fn the_rate_holds_on_average_where_ticks_come_faster() {
-    let start = Instant::now();
-    let (mut paced, mut mirror) = paced(start);
-    let mut at = start;
-    for tick in 2..40 {
-        at = tell(&mut paced, &mut mirror, tick, at + PERIOD / 6);
-    }
-    // One message more than its share: the one that may come early.
-    assert!(at >= start + PERIOD * 36, "{:?}", at - start);
-    assert!(at <= start + PERIOD * 38, "{:?}", at - start);
-}
-
-#[test]
-fn changes_between_ticks_keep_their_distance_and_are_not_made_up_for() {
-    let start = Instant::now();
-    let (mut paced, mut mirror) = paced(start);
-    let first = tell(&mut paced, &mut mirror, 1, start);
-    assert_eq!(first, start + PERIOD);
-    let second = tell(&mut paced, &mut mirror, 1, first);
-    assert_eq!(second, first + PERIOD);
-    // Very late: nothing is made up for.
-    let later = start + 9 * PERIOD;
-    assert_eq!(tell(&mut paced, &mut mirror, 1, later), later);
-    assert_eq!(tell(&mut paced, &mut mirror, 1, later), later + PERIOD);
-}
-
 #[test]
 fn invalid_wishes_name_every_field() {
     let wish = Subscribe {
@@ -343,102 +278,4 @@ fn a_refused_move_leaves_the_view() {
     assert!(view.update(to(region(40, 0, 1, 1))).is_err());
     assert_eq!(view.due(), None);
     assert!(view.missing(|_| 1).is_empty());
-}
-
-fn falls(x0: u32, z0: u32) -> Happening {
-    let stamp = Stamp { tick: 0, seq: 2 };
-    let event = Event::Snowfall { stamp, fallen_mass: 1.0, refused_mass: 0.0 };
-    Happening { event, columns: Some(ColumnRect { x0, z0, x1: x0 + 1, z1: z0 + 1 }) }
-}
-
-#[test]
-fn events_are_of_the_kinds_and_the_tiles_that_are_wanted() {
-    let region = region(9, 0, 1, 1);
-    let all = subscription(&Subscribe { region, ..Subscribe::default() });
-    for (x, z, wanted) in
-        [(8, 0, true), (15, 7, true), (7, 0, false), (16, 0, false), (9, 8, false)]
-    {
-        assert_eq!(all.wants(&falls(x, z)), wanted, "{x}/{z}");
-    }
-    let settled = Happening::from(Event::Settled { stamp: Stamp { tick: 0, seq: 2 } });
-    assert!(all.wants(&settled));
-    let events = Some(Events::from_iter([EventKind::Settled]));
-    let mut some = subscription(&Subscribe { region, events, ..Subscribe::default() });
-    assert!(some.wants(&settled) && !some.wants(&falls(8, 0)));
-    some.update(to(region)).unwrap();
-    assert!(some.wants(&settled) && !some.wants(&falls(8, 0)), "it stays");
-    let update = Update { region, events: Some(Events::none()), watch: None };
-    some.update(update).unwrap();
-    assert!(!some.wants(&settled));
-}
-
-/// How watches stand of which that is news.
-fn crossings(subscription: &mut Subscription, mirror: &Mirror) -> Vec<(String, bool, f64)> {
-    let mut copied = subscription.copy(mirror, 0, &unsent()).expect("there is room");
-    let crossings = std::mem::take(&mut copied.crossings);
-    let told = |event| match event {
-        Event::Watch { stamp, subscription: 1, id, holds, mean_depth } => {
-            assert_eq!(stamp.seq, mirror.seq);
-            (id, holds, mean_depth)
-        }
-        other => panic!("{other:?}"),
-    };
-    crossings.into_iter().map(told).collect()
-}
-
-fn watch(id: &str, region: Option<ColumnRegion>) -> DepthWatch {
-    DepthWatch { id: id.to_owned(), region, ..DepthWatch::default() }
-}
-
-#[test]
-fn a_watch_tells_how_it_stands_and_each_crossing() {
-    // A change raises all columns of a tile by one quantum.
-    let quantum = 0.5 / f64::from(firn_snow::CELL);
-    let mut mirror = mirror();
-    let above = DepthWatch { above: Some(1.5 * quantum), ..watch("part", region(6, 0, 4, 1)) };
-    let below = DepthWatch { below: Some(quantum), ..watch("tile", region(8, 0, 8, 8)) };
-    let wish =
-        Subscribe { watch: vec![above, below], region: region(0, 8, 1, 1), ..Subscribe::default() };
-    let mut both = subscription(&wish);
-    let tell = |id: &str, holds, mean_depth| (id.to_owned(), holds, mean_depth);
-    assert_eq!(crossings(&mut both, &mirror), [tell("part", false, 0.0), tell("tile", true, 0.0)]);
-    assert_eq!(crossings(&mut both, &mirror), []);
-    mirror.change(1, 2);
-    // Exactly at its depth it is not below it.
-    assert_eq!(crossings(&mut both, &mirror), [tell("tile", false, quantum)]);
-    mirror.change(0, 3);
-    assert_eq!(crossings(&mut both, &mirror), [], "1 is not above 1.5");
-    mirror.change(0, 4);
-    assert_eq!(crossings(&mut both, &mirror), [], "nor is (2 + 1) / 2");
-    mirror.change(0, 5);
-    assert_eq!(crossings(&mut both, &mirror), [tell("part", true, 2.0 * quantum)]);
-    mirror.change(2, 6);
-    assert_eq!(crossings(&mut both, &mirror), []);
-
-    let watch = Some(vec![DepthWatch { above: Some(0.0), ..watch("all", None) }]);
-    both.update(Update { watch, ..Update::default() }).unwrap();
-    let mean = quantum * f64::from(3 * 64 + 64 + 4 * 8) / 240.0;
-    assert_eq!(crossings(&mut both, &mirror), [tell("all", true, mean)]);
-    assert_eq!(mirror.summary().mean_height, mean);
-}
-
-#[test]
-fn watches_that_can_not_be_are_refused() {
-    let good = || DepthWatch { above: Some(1.0), ..watch("a", None) };
-    let cases = [
-        (vec![DepthWatch { id: "a b".to_owned(), ..good() }], "/watch/0/id"),
-        (vec![good(), good()], "/watch/1/id"),
-        (vec![watch("a", None)], "/watch/0"),
-        (vec![DepthWatch { below: Some(1.0), ..good() }], "/watch/0"),
-        (vec![DepthWatch { above: Some(2.5), ..good() }], "/watch/0/above"),
-        (vec![DepthWatch { above: None, below: Some(-0.5), ..good() }], "/watch/0/below"),
-        (vec![DepthWatch { region: region(20, 0, 1, 1), ..good() }], "/watch/0/region"),
-        (vec![DepthWatch { region: region(0, 0, 0, 1), ..good() }], "/watch/0/region/width"),
-    ];
-    for (watch, pointer) in cases {
-        let refused = begin(&Subscribe { watch, ..Subscribe::default() }, Instant::now());
-        let Err(SessionError::Invalid(fields)) = refused else { panic!("{pointer} was accepted") };
-        let pointers: Vec<_> = fields.iter().map(|field| &*field.pointer).collect();
-        assert_eq!(pointers, [pointer]);
-    }
 }

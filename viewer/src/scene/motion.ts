@@ -5,7 +5,7 @@ import type { Collider, Position } from "firn-client";
 /** A place along x and z [m]. */
 export type Point = readonly [number, number];
 
-/** What is told of an object's motion. What is absent is 0, or there is none of it. */
+/** How an object moves. An absent velocity is 0; an absent path means that it follows none. */
 type Moving = Pick<Collider, "position"> & Partial<Pick<Collider, "velocity" | "path" | "speed">>;
 
 /** An arrow is as long as the way of so many seconds, within these limits [m]. */

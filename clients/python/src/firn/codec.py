@@ -17,7 +17,7 @@ SIDE = 8
 LEFT, ABOVE, NONE = 0, 1, 3
 # Elevations of the ground are told in tenths of a millimetre.
 GROUND_STEPS_PER_METRE = 10_000
-# No server sends more than a grid can hold: whoever claims more would fill the memory.
+# No server sends more tiles than a grid can hold. A false count must not fill the memory.
 MOST_TILES = 1 << 24
 
 

@@ -75,7 +75,7 @@ class Session:
         self.id = id
         self.path = f"/v1/sessions/{quote(id, safe='')}"
         self.token: str | None = None
-        """Allows everything about this session; known to whoever created it."""
+        """Allows everything about this session; only its creator knows it."""
         self.viewer_token: str | None = None
         """Allows its reads and streams."""
 

@@ -234,7 +234,7 @@ class Stream:
 
 def _settle(answer: asyncio.Future[Ack], outcome: Ack | Exception) -> None:
     if answer.done():
-        return  # whoever asked has gone
+        return  # the caller has gone
     if isinstance(outcome, Exception):
         answer.set_exception(outcome)
     else:

@@ -1,15 +1,11 @@
 //! One snowpack's work, in parts of any size.
 
-use firn_snow::{Column, ColumnRect, Grid, Progress, Snowpack, TILE_COLUMNS, TILE_SIDE};
+use firn_snow::{Column, Grid, Progress, Snowpack, TILE_COLUMNS};
 
-use crate::frame::{ColumnRead, Edit, Placement, TileCells, Work, WorkOutcome};
+use crate::frame::{ColumnRead, Edit, TileCells, Work, WorkOutcome};
 use crate::published::TileColumns;
 
-/// Units of a row of tiles on which snow falls, for each of its columns.
-const EDIT: u64 = 4;
-
-/// Units of putting an object somewhere, beside its columns.
-const OBJECT: u64 = 64;
+use super::edit::{Done, carry_out, cells_of};
 
 /// Work that has begun.
 #[derive(Debug)]
@@ -206,67 +202,8 @@ impl Job {
         if self.next == 0 {
             self.outcome.edits.push(0);
         }
-        let (next, joining) = (self.next, edit.joining());
-        let (result, units, end) = match edit {
-            Edit::Deposit(fall) => {
-                let part = row_of(fall.columns, next);
-                let refused = snowpack.deposit(part, fall.depth, fall.mass, fall.temperature);
-                (refused, EDIT * part.columns(), rows_of(fall.columns))
-            }
-            Edit::Lay(fall) => {
-                let part = row_of(fall.columns, next);
-                let refused = snowpack.lay(part, fall.depth, fall.mass, fall.temperature);
-                (refused, EDIT * part.columns(), rows_of(fall.columns))
-            }
-            Edit::Clear { columns, depth } => {
-                let part = row_of(*columns, next);
-                (snowpack.clear(part, *depth), EDIT * part.columns(), rows_of(*columns))
-            }
-            Edit::Strip { columns, depth } => {
-                let part = row_of(*columns, next);
-                (snowpack.strip(part, *depth), EDIT * part.columns(), rows_of(*columns))
-            }
-            Edit::Stamp(stamp) => {
-                let columns = stamp.coverage.columns;
-                let part = row_of(columns, next);
-                let dents = snowpack.stamp(part, &[(&stamp.coverage, stamp.load)]);
-                let units = part.columns() * u64::from(snowpack.grid().height);
-                (dents.iter().sum::<u32>().into(), units, rows_of(columns))
-            }
-            Edit::PutCollider { id, collider, placed } => {
-                let footprints = collider.footprints.clone();
-                let Placement { mass, cover, .. } = **collider;
-                snowpack.put_collider(id.clone(), mass, cover, footprints, *placed);
-                (0, OBJECT + collider.columns(), 1)
-            }
-            Edit::RemoveCollider { id } => {
-                snowpack.remove_collider(id);
-                (0, OBJECT, 1)
-            }
-            Edit::SetGround(ground) => {
-                snowpack.set_ground(next, ground);
-                (0, u64::from(TILE_COLUMNS), snowpack.grid().tiles())
-            }
-            Edit::SetMaterial(material) => {
-                snowpack.set_material(*material);
-                (0, u64::from(snowpack.grid().tiles()), 1)
-            }
-            Edit::Restore(contents) => {
-                if let Some(cells) = contents.tiles.get(next as usize) {
-                    let columns = (0..TILE_COLUMNS).map(|column| cells.column(column).collect());
-                    snowpack.restore_tile(next, columns.map(|cells| Column { cells }));
-                }
-                let end = contents.tiles.len() as u32;
-                if next + 1 >= end {
-                    let colliders = contents.colliders.iter().map(|(id, placement, contact)| {
-                        let Placement { mass, cover, ref footprints } = **placement;
-                        (id.clone(), mass, cover, footprints.clone(), *contact)
-                    });
-                    snowpack.restore_colliders(colliders);
-                }
-                (0, cells_of(snowpack.grid()), end)
-            }
-        };
+        let (Done { result, units, end }, joining) =
+            (carry_out(edit, self.next, snowpack), edit.joining());
         if let Some(all) = self.outcome.edits.last_mut() {
             *all = joining(*all, result);
         }
@@ -322,23 +259,6 @@ impl Job {
         let WorkOutcome { slot, units, .. } = self.outcome;
         WorkOutcome { slot, units, unfinished: true, ..WorkOutcome::default() }
     }
-}
-
-/// Rows of tiles that columns lie in.
-fn rows_of(columns: ColumnRect) -> u32 {
-    let tiles = columns.tiles();
-    tiles.z1 - tiles.z0
-}
-
-/// The columns that lie in one of those rows of tiles.
-fn row_of(columns: ColumnRect, row: u32) -> ColumnRect {
-    let first = (columns.tiles().z0 + row) * TILE_SIDE;
-    ColumnRect { z0: columns.z0.max(first), z1: columns.z1.min(first + TILE_SIDE), ..columns }
-}
-
-/// Cells of a tile.
-fn cells_of(grid: &Grid) -> u64 {
-    u64::from(TILE_COLUMNS * grid.height)
 }
 
 /// Tiles whose cells are about so many, at least one.

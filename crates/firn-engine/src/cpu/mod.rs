@@ -1,6 +1,7 @@
 //! The reference columns behind the same frames as the GPU's: for machines without an adapter, and
 //! for tests that compare the two.
 
+mod edit;
 mod job;
 
 use std::collections::{HashMap, VecDeque};

@@ -135,6 +135,7 @@ const MATERIAL: &str = include_str!("../../../../shaders/shared/material.wgsl");
 const ELEVATION: &str = include_str!("../../../../shaders/shared/elevation.wgsl");
 const LOAD: &str = include_str!("../../../../shaders/shared/load.wgsl");
 const WIDE: &str = include_str!("../../../../shaders/shared/wide.wgsl");
+const RECUT: &str = include_str!("../../../../shaders/snowfall/recut.wgsl");
 
 use Access::{Read, Write};
 use Resource::*;
@@ -144,7 +145,7 @@ pub const KERNELS: [Kernel; 11] = [
     Kernel {
         name: "snowfall",
         entry_point: "snowfall",
-        source: &[LAYOUT, WIDE, include_str!("../../../../shaders/snowfall.wgsl")],
+        source: &[LAYOUT, WIDE, RECUT, include_str!("../../../../shaders/snowfall.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Tiles, Read),
