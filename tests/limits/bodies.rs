@@ -23,6 +23,26 @@ async fn server(request_timeout: Duration) -> Server {
     Server::start_with(BackendChoice::Cpu, Options { requests, ..Options::default() }).await
 }
 
+/// Sends halves one after another, each once the server has refused the one before or holds so many bytes of it. Those
+/// that come at a time share the room between them, and then timing decides how many are refused.
+async fn one_by_one(
+    server: &Server,
+    count: u64,
+    bytes: u64,
+    send: impl AsyncFn() -> TcpStream,
+) -> Vec<TcpStream> {
+    let mut sent = Vec::new();
+    for number in 1..=count {
+        sent.push(send().await);
+        let taken = async || {
+            let refused = reached(server, "max-bodies").await;
+            server.app.bodies.held() >= (number - refused) * bytes
+        };
+        until("it is held or refused", taken).await;
+    }
+    sent
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn every_body_has_to_arrive_in_time() {
     let server = server(Duration::from_millis(200)).await;
@@ -49,16 +69,16 @@ async fn every_body_has_to_arrive_in_time() {
 async fn half_sent_bodies_stay_within_their_budget() {
     let server = server(Duration::from_secs(60)).await;
     let path = server.create(small()).await;
-    let mut half = Vec::new();
-    for _ in 0..8 {
+    let half = one_by_one(&server, 8, 975_000, async || {
         let headers = "content-type: application/json\r\ncontent-length: 2000000\r\n";
         let mut stream = ask(&server, &format!("POST {path}/snowfalls"), headers).await;
         // Those that find no room are closed.
         let _ = stream.write_all(&vec![b' '; 1_000_000]).await;
-        half.push(stream);
-    }
-    until("some are refused", async || reached(&server, "max-bodies").await == 4).await;
-    until("the others have arrived", async || server.app.bodies.held() >= 3_900_000).await;
+        stream
+    })
+    .await;
+    assert_eq!(reached(&server, "max-bodies").await, 4);
+    assert!(server.app.bodies.held() >= 3_900_000, "{}", server.app.bodies.held());
     // Small ones need no room.
     server.post(&format!("{path}/snowfalls"), serde_json::json!({"depth": 0.1})).await.expect(200);
     drop(half);
@@ -116,11 +136,9 @@ async fn half_a_message(server: &Server, path: &str, says: &[u8], bytes: usize) 
 async fn unfinished_messages_stay_within_the_budget_of_bodies() {
     let server = server(Duration::from_secs(60)).await;
     let path = server.create(small()).await;
-    let mut half = Vec::new();
-    for _ in 0..7 {
-        half.push(half_a_message(&server, &path, b"welcome", 900_000).await);
-    }
-    until("some are refused", async || reached(&server, "max-bodies").await == 3).await;
+    let send = async || half_a_message(&server, &path, b"welcome", 900_000).await;
+    let mut half = one_by_one(&server, 7, 875_000, send).await;
+    assert_eq!(reached(&server, "max-bodies").await, 3);
     let held = server.app.bodies.held();
     assert!(held >= 3_500_000, "{held}");
     // One that ends gives its memory back.
@@ -140,11 +158,9 @@ async fn unfinished_messages_on_refused_streams_are_counted_too() {
     let options = Options { requests, stream, ..Options::default() };
     let server = Server::start_with(BackendChoice::Cpu, options).await;
     let unknown = 3501u16.to_be_bytes();
-    let mut half = Vec::new();
-    for _ in 0..7 {
-        half.push(half_a_message(&server, "/v1/sessions/nobody", &unknown, 900_000).await);
-    }
-    until("some are refused", async || reached(&server, "max-bodies").await == 3).await;
+    let send = async || half_a_message(&server, "/v1/sessions/nobody", &unknown, 900_000).await;
+    let mut half = one_by_one(&server, 7, 875_000, send).await;
+    assert_eq!(reached(&server, "max-bodies").await, 3);
     // One that ends gives its memory back.
     half[0].write_all(&vec![b' '; 100_000]).await.unwrap();
     until("it is whole", async || server.app.bodies.held() < 3_500_000).await;
