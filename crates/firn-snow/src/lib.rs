@@ -46,6 +46,7 @@ mod recut;
 mod sample;
 mod shape;
 mod snowpack;
+pub mod weather;
 
 pub use body::{Body, Cover, MOST_FOOTPRINTS, Part, Position};
 pub use burden::Burden;
