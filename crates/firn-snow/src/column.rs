@@ -199,7 +199,7 @@ impl Column {
 
 /// Temperature of snow to which other snow is added; the two have mass between them.
 #[inline]
-pub(super) fn mixed(temperature: f32, mass: u32, other: f32, added: u32) -> f32 {
+pub(crate) fn mixed(temperature: f32, mass: u32, other: f32, added: u32) -> f32 {
     temperature + (other - temperature) * (added as f32 / (mass as f32 + added as f32))
 }
 

@@ -28,6 +28,7 @@
 //! With the feature `serde` what a client tells of a snowpack can be read and written, with `schema` it has
 //! a JSON schema too.
 
+pub mod alpine;
 mod body;
 mod burden;
 mod column;
