@@ -95,7 +95,12 @@ impl Bed {
             engine = Engine::Gpu(Box::new(gpu));
         }
         let mut bed = Bed { engine, grid, depth, clock };
-        let layout = Layout { grid, material: Material::default(), ground: Default::default() };
+        let layout = Layout {
+            grid,
+            material: Material::default(),
+            ground: Default::default(),
+            surface: None,
+        };
         bed.backend().create(0, &layout)?;
         bed.lay_snow()?;
         Ok(bed)

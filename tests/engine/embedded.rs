@@ -38,7 +38,7 @@ fn device(
 
 fn layout() -> Layout {
     let grid = Grid { width: 24, depth: 16, height: 12, cell_size: 0.2 };
-    Layout { grid, material: Material::default(), ground: Default::default() }
+    Layout { grid, material: Material::default(), ground: Default::default(), surface: None }
 }
 
 #[test]

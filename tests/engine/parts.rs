@@ -41,6 +41,7 @@ fn memory_is_cleared_in_parts_before_anything_else() {
         grid,
         material: Material::default(),
         ground: (0..grid.columns()).map(|i| 0.001 * i as f64).collect(),
+        surface: None,
     };
     gpu.create(7, &layout(small)).unwrap();
     edit(&mut gpu, 7, vec![snow(&small, small.all(), 0.5, 20.0, -3.0)]);

@@ -61,7 +61,7 @@ pub fn cells(backend: &mut dyn Backend, slot: Slot, grid: &Grid) -> Vec<TileCell
 
 /// A layout on level ground.
 pub fn level(grid: Grid, material: Material) -> Layout {
-    Layout { grid, material, ground: Default::default() }
+    Layout { grid, material, ground: Default::default(), surface: None }
 }
 
 /// Snow of a depth [m], density [kg/m³] and temperature [°C].

@@ -87,7 +87,8 @@ async fn a_long_tick_is_the_same_as_in_one_piece(backend: BackendChoice) {
     let grid = Grid { width: 10, depth: 10, height: 20, cell_size: 0.2 };
     let config = EngineConfig { backend, device_memory: None };
     let mut engine = backend::open(&config).unwrap();
-    let layout = Layout { grid, material: Material::default(), ground: Default::default() };
+    let layout =
+        Layout { grid, material: Material::default(), ground: Default::default(), surface: None };
     engine.create(0, &layout).unwrap();
     let snow = Deposit {
         columns: grid.all(),

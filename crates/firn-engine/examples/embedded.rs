@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let grid = Grid { width: 32, depth: 8, height: 20, cell_size: 0.2 };
     let material = Material::default();
-    backend.create(0, &Layout { grid, material, ground: Default::default() })?;
+    backend.create(0, &Layout { grid, material, ground: Default::default(), surface: None })?;
     let mut surface: Vec<TileColumns> = vec![[0; TILE_COLUMNS as usize]; grid.tiles() as usize];
 
     let everywhere = ColumnRect { x0: 0, z0: 0, x1: grid.width, z1: grid.depth };

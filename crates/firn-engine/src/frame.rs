@@ -9,8 +9,10 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
+use firn_snow::alpine::Surface;
 use firn_snow::{
-    Cell, Column, ColumnRect, Contact, Floor, Grid, Material, Pressing, Sample, TILE_COLUMNS,
+    Cell, Column, ColumnRect, ColumnTotals, Contact, Exchanged, Floor, Grid, Material, Pressing,
+    Sample, TILE_COLUMNS,
 };
 
 use crate::reserve::try_filled;
@@ -18,7 +20,7 @@ use crate::reserve::try_filled;
 use super::made::{Made, Maker};
 use super::published::Published;
 
-pub use edit::{Contents, Deposit, Edit, Moves, Placement, Stamp};
+pub use edit::{Contents, Deposit, Edit, Moves, Placement, Stamp, Weathering};
 
 /// A snowpack's row in the backend's tables.
 pub type Slot = u32;
@@ -48,6 +50,8 @@ pub struct Layout {
     pub material: Material,
     /// Ground elevation of each column \[m\], row by row; empty for level ground at 0.
     pub ground: Arc<[f64]>,
+    /// What each column begins with beside its cells, where the snow is alpine.
+    pub surface: Option<Surface>,
 }
 
 /// Everything that is to happen in one frame; sessions are independent of each other.
@@ -82,6 +86,8 @@ pub struct Work {
     pub columns: Vec<ColumnRead>,
     /// Boxes of the fixed grid that are to be sampled after the cycles.
     pub samples: Vec<SampleBox>,
+    /// Rectangles of columns of alpine snow that are to be summed up after the cycles.
+    pub totals: Vec<ColumnRect>,
     /// Goes on with work that an earlier frame has left. All of that is known: but for this, `publish` and
     /// `limit`, nothing is said.
     pub resume: bool,
@@ -190,6 +196,10 @@ pub struct WorkOutcome {
     pub columns: Vec<Vec<Column>>,
     /// The boxes in `samples`, in its order: x fastest, then y, then z.
     pub samples: Vec<Vec<Sample>>,
+    /// The columns in `totals`, in its order, row by row.
+    pub totals: Vec<Vec<ColumnTotals>>,
+    /// What came and went in the steps of weather, beside what fell.
+    pub exchanged: Exchanged,
 }
 
 /// All cells of one tile: index = slot · 64 + column, as in the arena.
@@ -203,6 +213,8 @@ pub struct TileCells {
     pub temperature: Vec<f32>,
     /// Vertical stress σ \[Pa\].
     pub stress: Vec<f32>,
+    /// What each column of alpine snow has beside its cells; empty where the snow is none.
+    pub surfaces: Vec<Surface>,
 }
 
 impl TileCells {
@@ -214,6 +226,7 @@ impl TileCells {
             thickness: vec![0; cells],
             temperature: vec![0.0; cells],
             stress: vec![0.0; cells],
+            surfaces: Vec::new(),
         }
     }
 
@@ -228,6 +241,7 @@ impl TileCells {
             thickness: try_filled(cells, 0)?,
             temperature: try_filled(cells, 0.0)?,
             stress: try_filled(cells, 0.0)?,
+            surfaces: Vec::new(),
         })
     }
 

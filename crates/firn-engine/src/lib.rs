@@ -14,7 +14,7 @@
 //!
 //! let grid = Grid { width: 16, depth: 8, height: 10, cell_size: 0.2 };
 //! let mut backend = CpuBackend::new(None, false);
-//! backend.create(0, &Layout { grid, material: Material::default(), ground: Default::default() })?;
+//! backend.create(0, &Layout { grid, material: Material::default(), ground: Default::default(), surface: None })?;
 //!
 //! // 40 cm of snow of 50 kg/m³ on the first tile, and a second of time.
 //! let snowfall = Edit::Deposit(Deposit {

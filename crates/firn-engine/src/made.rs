@@ -47,11 +47,15 @@ impl Maker {
     }
 
     fn try_make(self, layout: Layout) -> Result<Made, TryReserveError> {
-        let Layout { grid, material, ground } = &layout;
+        let Layout { grid, material, ground, surface } = &layout;
         let kind = match self {
             Maker::Columns { always_awake } => {
                 ask_for(Snowpack::bytes(grid))?;
-                Kind::Columns(Box::new(Snowpack::new(*grid, *material, ground, always_awake)?))
+                let snowpack = Snowpack::new(*grid, *material, ground, always_awake)?;
+                Kind::Columns(Box::new(match surface {
+                    Some(surface) => snowpack.with_surfaces(*surface),
+                    None => snowpack,
+                }))
             }
             Maker::Rows => Kind::Rows,
         };

@@ -69,4 +69,4 @@ pub use preset::Preset;
 pub use pressing::Pressing;
 pub use sample::{Content, Floor, Sample, sample_column};
 pub use shape::{Extent, MOST_CORNERS, Shape, Turn};
-pub use snowpack::{Progress, Snowpack};
+pub use snowpack::{ColumnTotals, Exchanged, Progress, Snowpack};

@@ -4,6 +4,7 @@ mod collider;
 mod run;
 mod stamp;
 mod tile;
+mod weather;
 
 use std::collections::{BTreeMap, BTreeSet, TryReserveError};
 use std::ops::Range;
@@ -11,6 +12,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::alpine::Surface;
 use super::body::Cover;
 use super::column::Column;
 use super::contact::Contact;
@@ -23,6 +25,7 @@ use collider::{Collider, Stand};
 use tile::Tile;
 
 pub use run::Progress;
+pub use weather::{ColumnTotals, Exchanged};
 
 /// A snowpack stepped by the plain-Rust columns.
 ///
@@ -43,6 +46,8 @@ pub struct Snowpack {
     /// Δt of the last run \[s\].
     dt: f64,
     pressing: Pressing,
+    /// What falls on each column of the short wave in the step that shades, as a part of it.
+    shine: Vec<f32>,
     always_awake: bool,
 }
 
@@ -74,6 +79,7 @@ impl Snowpack {
             relist: false,
             dt: 0.0,
             pressing: Pressing::default(),
+            shine: Vec::new(),
             always_awake,
         })
     }
@@ -157,10 +163,16 @@ impl Snowpack {
         self.relist = true;
     }
 
-    /// Replaces the columns of a tile. Stresses are taken as they are.
-    pub fn restore_tile(&mut self, tile: u32, columns: impl Iterator<Item = Column>) {
+    /// Replaces the columns of a tile, and what those of alpine snow have beside their cells. Stresses are taken as
+    /// they are.
+    pub fn restore_tile(
+        &mut self,
+        tile: u32,
+        columns: impl Iterator<Item = Column>,
+        surfaces: &[Surface],
+    ) {
         if let Some(tile) = self.tiles.get_mut(tile as usize) {
-            tile.restore(columns);
+            tile.restore(columns, surfaces);
         }
     }
 

@@ -174,7 +174,12 @@ impl Simulation {
     /// What the backend makes the snowpack with.
     pub(crate) fn layout(spec: &SessionSpec) -> Layout {
         let ground = spec.terrain.as_ref().map(|terrain| terrain.heights.clone());
-        Layout { grid: spec.grid, material: spec.material, ground: ground.unwrap_or_default() }
+        Layout {
+            grid: spec.grid,
+            material: spec.material,
+            ground: ground.unwrap_or_default(),
+            surface: None,
+        }
     }
 
     /// The ground as it is now.

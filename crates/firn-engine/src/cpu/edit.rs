@@ -1,8 +1,8 @@
 //! One edit of a snowpack, part by part.
 
-use firn_snow::{Column, ColumnRect, Grid, Snowpack, TILE_COLUMNS, TILE_SIDE};
+use firn_snow::{Column, ColumnRect, Exchanged, Grid, Snowpack, TILE_COLUMNS, TILE_SIDE};
 
-use crate::frame::{Contents, Edit, Placement};
+use crate::frame::{Contents, Edit, Placement, Weathering};
 
 /// Units of a row of tiles on which snow falls, for each of its columns.
 const EDIT: u64 = 4;
@@ -17,11 +17,13 @@ pub(super) struct Done {
     pub units: u64,
     /// Parts that the edit has.
     pub end: u32,
+    /// What the part exchanged with the weather.
+    pub exchanged: Exchanged,
 }
 
 impl Done {
     fn whole(units: u64) -> Done {
-        Done { result: 0, units, end: 1 }
+        Done { result: 0, units, end: 1, exchanged: Exchanged::default() }
     }
 
     /// Changes the columns in a row of tiles, each for so many units.
@@ -32,7 +34,7 @@ impl Done {
         change: impl FnOnce(ColumnRect) -> u64,
     ) -> Done {
         let part = row_of(columns, row);
-        Done { result: change(part), units: units * part.columns(), end: rows_of(columns) }
+        Done { result: change(part), end: rows_of(columns), ..Done::whole(units * part.columns()) }
     }
 }
 
@@ -56,6 +58,7 @@ pub(super) fn carry_out(edit: &Edit, part: u32, snowpack: &mut Snowpack) -> Done
         Edit::Stamp(stamp) => Done::row(stamp.coverage.columns, part, grid.height.into(), |row| {
             snowpack.stamp(row, &[(&stamp.coverage, stamp.load)]).iter().sum::<u32>().into()
         }),
+        Edit::Weather(weathering) => weather(weathering, part, snowpack),
         Edit::PutCollider { id, collider, placed } => {
             let Placement { mass, cover, ref footprints } = **collider;
             snowpack.put_collider(id.clone(), mass, cover, footprints.clone(), *placed);
@@ -67,7 +70,7 @@ pub(super) fn carry_out(edit: &Edit, part: u32, snowpack: &mut Snowpack) -> Done
         }
         Edit::SetGround(ground) => {
             snowpack.set_ground(part, ground);
-            Done { result: 0, units: TILE_COLUMNS.into(), end: grid.tiles() }
+            Done { end: grid.tiles(), ..Done::whole(TILE_COLUMNS.into()) }
         }
         Edit::SetMaterial(material) => {
             snowpack.set_material(*material);
@@ -75,16 +78,30 @@ pub(super) fn carry_out(edit: &Edit, part: u32, snowpack: &mut Snowpack) -> Done
         }
         Edit::Restore(contents) => {
             restore(contents, part, snowpack);
-            Done { result: 0, units: cells_of(&grid), end: contents.tiles.len() as u32 }
+            Done { end: contents.tiles.len() as u32, ..Done::whole(cells_of(&grid)) }
         }
     }
+}
+
+/// Has a row of tiles take steps of weather.
+fn weather(weathering: &Weathering, row: u32, snowpack: &mut Snowpack) -> Done {
+    let grid = *snowpack.grid();
+    if row == 0
+        && let Some(step) = weathering.steps.iter().find(|step| step.shades)
+    {
+        snowpack.shade(step);
+    }
+    let cells = u64::from(grid.tiles_x()) * cells_of(&grid);
+    let units = Weathering::UNITS * cells * weathering.steps.len() as u64;
+    let exchanged = snowpack.weather(row..row + 1, &weathering.steps);
+    Done { end: grid.tiles_z(), exchanged, ..Done::whole(units) }
 }
 
 /// Restores a tile, and objects with the last one.
 fn restore(contents: &Contents, tile: u32, snowpack: &mut Snowpack) {
     if let Some(cells) = contents.tiles.get(tile as usize) {
         let columns = (0..TILE_COLUMNS).map(|column| cells.column(column).collect());
-        snowpack.restore_tile(tile, columns.map(|cells| Column { cells }));
+        snowpack.restore_tile(tile, columns.map(|cells| Column { cells }), &cells.surfaces);
     }
     if tile + 1 >= contents.tiles.len() as u32 {
         let colliders = contents.colliders.iter().map(|(id, placement, contact)| {

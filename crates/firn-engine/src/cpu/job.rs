@@ -114,7 +114,7 @@ impl Job {
         if gathered < self.work.gather.len() {
             let most = cells_fit(most, snowpack.grid()) as usize;
             let part = self.work.gather[gathered..].iter().take(most);
-            let cells = part.map(|&tile| tile_cells(snowpack.tile(tile), snowpack.grid().height));
+            let cells = part.map(|&tile| tile_cells(snowpack, tile));
             self.outcome.gathered.extend(cells);
             let count = (self.outcome.gathered.len() - gathered) as u64;
             return Some(count * cells_of(snowpack.grid()));
@@ -202,8 +202,9 @@ impl Job {
         if self.next == 0 {
             self.outcome.edits.push(0);
         }
-        let (Done { result, units, end }, joining) =
+        let (Done { result, units, end, exchanged }, joining) =
             (carry_out(edit, self.next, snowpack), edit.joining());
+        self.outcome.exchanged.add(exchanged);
         if let Some(all) = self.outcome.edits.last_mut() {
             *all = joining(*all, result);
         }
@@ -251,6 +252,8 @@ impl Job {
         let sample =
             sample.map(|s| snowpack.sample(s.columns, s.floor, s.y0..s.y0 + s.height, s.dt));
         outcome.samples = sample.collect();
+        let totals = work.totals.iter().map(|&columns| snowpack.column_totals(columns));
+        outcome.totals = totals.collect();
         (outcome, changed)
     }
 
@@ -277,9 +280,10 @@ fn topmost(snowpack: &Snowpack, read: &ColumnRead) -> Vec<Column> {
 }
 
 /// A tile's cells, slot by slot; without columns, all of them empty.
-fn tile_cells(columns: Option<&[Column]>, height: u32) -> TileCells {
-    let mut cells = TileCells::empty(height);
-    for (index, column) in columns.unwrap_or_default().iter().enumerate() {
+fn tile_cells(snowpack: &Snowpack, tile: u32) -> TileCells {
+    let mut cells = TileCells::empty(snowpack.grid().height);
+    cells.surfaces = snowpack.surfaces(tile).to_vec();
+    for (index, column) in snowpack.tile(tile).unwrap_or_default().iter().enumerate() {
         for (slot, cell) in column.cells.iter().enumerate() {
             let at = slot * TILE_COLUMNS as usize + index;
             cells.mass[at] = cell.mass;

@@ -168,7 +168,7 @@ mod tests {
 
     fn layout(width: u32, depth: u32) -> Layout {
         let grid = Grid { width, depth, height: 4, cell_size: 0.2 };
-        Layout { grid, material: Material::default(), ground: Default::default() }
+        Layout { grid, material: Material::default(), ground: Default::default(), surface: None }
     }
 
     fn outcome(backend: &mut CpuBackend, work: Work) -> Outcome {

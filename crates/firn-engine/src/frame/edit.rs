@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use firn_snow::alpine::WeatherStep;
 use firn_snow::{
     ColumnRect, Contact, Cover, Coverage, Footprint, Grid, Material, SurfaceLoad, TILE_SIDE,
 };
@@ -65,6 +66,9 @@ pub enum Edit {
     },
     /// Columns are pressed at once.
     Stamp(Arc<Stamp>),
+    /// All columns of a snowpack of alpine snow take steps of weather. What these exchange is told apart from
+    /// results of edits.
+    Weather(Arc<Weathering>),
     /// An object is placed, replaced or moved.
     PutCollider {
         /// Its id; loads add up in ascending order of ids.
@@ -102,6 +106,7 @@ impl Edit {
             Edit::Deposit(fall) | Edit::Lay(fall) => Some(fall.columns),
             Edit::Clear { columns, .. } | Edit::Strip { columns, .. } => Some(*columns),
             Edit::Stamp(stamp) => Some(stamp.coverage.columns),
+            Edit::Weather(weathering) => Some(weathering.columns),
             _ => None,
         }
     }
@@ -153,6 +158,34 @@ impl Stamp {
         };
         let shares = &shares[place(row * TILE_SIDE)..place((row + 1) * TILE_SIDE)];
         shares.iter().filter(|share| **share > 0).count() as u64 * u64::from(height)
+    }
+}
+
+/// Steps of weather that follow each other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Weathering {
+    /// All columns of the grid.
+    pub columns: ColumnRect,
+    /// The steps. Where one shades, it is the only one: where light falls depends on all columns together.
+    pub steps: Vec<WeatherStep>,
+}
+
+impl Weathering {
+    /// Units that a step costs for each cell that a column may have.
+    pub const UNITS: u64 = 8;
+
+    /// Edits for steps that follow each other: as many in each as can be taken column by column.
+    pub fn edits(grid: &Grid, steps: &[WeatherStep]) -> impl Iterator<Item = Edit> {
+        let columns = grid.all();
+        let alike = |one: &WeatherStep, next: &WeatherStep| !one.shades && !next.shades;
+        steps.chunk_by(alike).map(move |steps| {
+            Edit::Weather(Arc::new(Weathering { columns, steps: steps.to_vec() }))
+        })
+    }
+
+    /// Whether each column has its own part of the short wave.
+    pub fn shades(&self) -> bool {
+        self.steps.iter().any(|step| step.shades)
     }
 }
 

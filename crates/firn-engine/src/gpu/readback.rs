@@ -198,6 +198,7 @@ impl Readback {
                 thickness: reader.rows(plane / 4),
                 temperature: reader.rows(plane / 4),
                 stress: reader.rows(plane / 4),
+                surfaces: Vec::new(),
             }));
         }
         Ok(found)

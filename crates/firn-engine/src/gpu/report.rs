@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bytemuck::Pod;
-use firn_snow::{Column, Sample};
+use firn_snow::{Column, Exchanged, Sample};
 
 use crate::frame::{ColumnRead, Outcome, SampleBox, Slot, Work, WorkOutcome};
 use crate::parallel;
@@ -213,6 +213,8 @@ impl Copies {
                 gathered: Vec::new(),
                 columns: work.columns.iter().map(read).collect(),
                 samples: work.samples.iter().map(sample).collect(),
+                totals: Vec::new(),
+                exchanged: Exchanged::default(),
             }
         };
         let work = parallel::each(reports.work.iter().zip(tallies).collect(), of);

@@ -55,6 +55,12 @@ pub struct WeatherStep {
     pub snow_temperature: f32,
     /// Mass of rain, in quanta.
     pub rain: u32,
+    /// The sun's place is known, so that each column has its own part of the short wave.
+    pub shades: bool,
+    /// Part of the short wave that comes from all over the sky.
+    pub diffuse: f32,
+    /// Direction to the sun: east, up, north.
+    pub sun: [f32; 3],
 }
 
 impl WeatherStep {
@@ -89,6 +95,9 @@ impl WeatherStep {
             snow_thickness: due.thickness,
             snow_temperature: due.celsius,
             rain: due.rain,
+            shades: felt.sun.is_some() && felt.shortwave > 0.0,
+            diffuse: felt.diffuse as f32,
+            sun: felt.sun.map_or([0.0; 3], |sun| sun.direction().map(|part| part as f32)),
         }
     }
 }

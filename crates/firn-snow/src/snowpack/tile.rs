@@ -2,6 +2,7 @@
 
 use std::collections::TryReserveError;
 
+use crate::alpine::Surface;
 use crate::column::{Column, SurfaceLoad};
 use crate::contact::share;
 use crate::elevation::Elevation;
@@ -17,9 +18,11 @@ const COLUMNS: usize = TILE_COLUMNS as usize;
 #[derive(Clone, Debug)]
 pub(super) struct Tile {
     /// The columns inside the grid.
-    rect: ColumnRect,
+    pub rect: ColumnRect,
     /// All columns, row by row; those outside the grid stay empty.
     pub columns: Vec<Column>,
+    /// What each column of alpine snow has beside its cells; nothing where the snow is none.
+    pub surfaces: Vec<Surface>,
     /// Ground elevation of each column.
     pub ground: [Elevation; COLUMNS],
     /// Height of each column in quanta.
@@ -60,6 +63,7 @@ impl Tile {
         Ok(Tile {
             rect,
             columns,
+            surfaces: Vec::new(),
             ground: ground_of(grid, rect, ground),
             heights: [0; COLUMNS],
             loads: Vec::new(),
@@ -108,8 +112,9 @@ impl Tile {
         edited
     }
 
-    /// Replaces all columns, stresses included.
-    pub fn restore(&mut self, columns: impl Iterator<Item = Column>) {
+    /// Replaces all columns, stresses included, and what those of alpine snow have beside them.
+    pub fn restore(&mut self, columns: impl Iterator<Item = Column>, surfaces: &[Surface]) {
+        self.surfaces = surfaces.to_vec();
         for (index, column) in columns.enumerate().take(COLUMNS) {
             self.heights[index] = column.height();
             self.columns[index] = column;
@@ -180,7 +185,7 @@ impl Tile {
 
 /// Every column (x, z) of a rectangle, row by row.
 #[inline]
-fn positions(rect: ColumnRect) -> impl Iterator<Item = (u32, u32)> {
+pub(super) fn positions(rect: ColumnRect) -> impl Iterator<Item = (u32, u32)> {
     (rect.z0..rect.z1).flat_map(move |z| (rect.x0..rect.x1).map(move |x| (x, z)))
 }
 
@@ -197,7 +202,7 @@ fn ground_of(grid: &Grid, rect: ColumnRect, ground: &[f64]) -> [Elevation; COLUM
 
 /// Index of column (x, z) in its tile.
 #[inline]
-fn column_index(x: u32, z: u32) -> usize {
+pub(super) fn column_index(x: u32, z: u32) -> usize {
     (z % TILE_SIDE * TILE_SIDE + x % TILE_SIDE) as usize
 }
 

@@ -68,7 +68,8 @@ impl Planner<'_> {
             | Edit::Lay(_)
             | Edit::Clear { .. }
             | Edit::Strip { .. }
-            | Edit::Stamp(_) => false,
+            | Edit::Stamp(_)
+            | Edit::Weather(_) => false,
         }
     }
 
