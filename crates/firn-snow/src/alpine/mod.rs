@@ -21,7 +21,7 @@ mod wet;
 pub use conduction::Scratch;
 pub use gathering::{Due, Gathering};
 pub use hardness::{hardness, pressed_density};
-pub use shade::Relief;
+pub use shade::{Relief, Sweep};
 pub use step::{Exchange, Stepped};
 pub use surface::{SOIL_THICKNESS, Surface};
 pub use weather_step::WeatherStep;
