@@ -9,6 +9,7 @@ mod conduction;
 mod descent;
 mod fall;
 mod gathering;
+mod hand_hardness;
 mod hardness;
 mod housekeeping;
 mod skin;
@@ -19,7 +20,9 @@ mod wet;
 
 pub use conduction::Scratch;
 pub use gathering::{Due, Gathering};
-pub use hardness::{hardness, pressed_density};
+pub use hand_hardness::HandHardness;
+pub(crate) use hardness::Strength;
+pub use hardness::{PRESSED_DENSITY, hardness, pressed_density};
 pub use step::{Exchange, Stepped};
 pub use surface::{SOIL_THICKNESS, Surface};
 pub use weather_step::WeatherStep;
