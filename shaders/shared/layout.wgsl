@@ -36,6 +36,9 @@ const UNDER_OBJECTS: u32 = 4u;  // the listed tiles are those under objects, aft
 const LISTED: u32 = 8u;         // the host has listed just the tiles that the kernel is for
 const STEPPED: u32 = 16u;       // it is one of the steps of a cycle in which objects move
 
+// Session.hardness_law of alpine snow.
+const ALPINE: u32 = 3u;
+
 // An elevation: whole cells above level 0, rounded down, and quanta above those.
 struct Elevation {
     cells: i32,

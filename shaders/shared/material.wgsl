@@ -3,7 +3,6 @@
 
 const CALIBRATED: u32 = 0u;
 const REGRESSION: u32 = 1u;
-const ALPINE: u32 = 3u;
 // The coefficient of the temperature's cube in the calibrated law.
 const CALIBRATED_CUBE: f32 = 0.260723;
 // Part of its thickness by which a cell is compacted in one cycle at the most.

@@ -5,14 +5,14 @@ use std::sync::Arc;
 use firn_engine::frame::{Backend, Contents, Edit, Layout, Slot, TileCells, Weathering, Work};
 use firn_snow::alpine::{Gathering, Surface, WeatherStep};
 use firn_snow::weather::{Felt, Site, SunPosition};
-use firn_snow::{ColumnRect, Exchanged, Grid, MASS_QUANTA, Material, Shape};
+use firn_snow::{ColumnRect, Exchanged, Grid, HardnessLaw, MASS_QUANTA, Material, Shape};
 
 use crate::support::*;
 
 const STEP: f64 = 900.0;
 
 fn layout(grid: Grid, ground: Vec<f64>) -> Layout {
-    let material = Material::default();
+    let material = Material { hardness_law: HardnessLaw::Alpine, ..Material::default() };
     let surface = Some(Surface::new([3.0, 4.0, 5.0, 6.0], -2.0));
     Layout { grid, material, ground: ground.into(), surface }
 }
@@ -113,7 +113,10 @@ fn assert_alike(ours: &[TileCells], theirs: &[TileCells], grid: &Grid, when: &st
     for (i, ((depth, mass), (other_depth, other_mass))) in
         columns(ours, grid).into_iter().zip(columns(theirs, grid)).enumerate()
     {
-        assert!((depth - other_depth).abs() <= 0.005, "{when}, column {i}: {depth} {other_depth} m");
+        assert!(
+            (depth - other_depth).abs() <= 0.005,
+            "{when}, column {i}: {depth} {other_depth} m"
+        );
         assert!((mass - other_mass).abs() <= 1.0, "{when}, column {i}: {mass} {other_mass} kg/m²");
     }
 }
@@ -170,7 +173,9 @@ fn steps_in_any_parts_give_the_same_bits() {
         for backend in &mut backends {
             let mut all = Vec::new();
             for (slot, (each, limit)) in
-                [(200, None), (1, None), (37, Some(1000)), (80, Some(1 << 18))].into_iter().enumerate()
+                [(200, None), (1, None), (37, Some(1000)), (80, Some(1 << 18))]
+                    .into_iter()
+                    .enumerate()
             {
                 let slot = slot as Slot;
                 backend.create(slot, &layout(grid, ground.clone())).unwrap();

@@ -111,7 +111,7 @@ fn host_and_shaders_agree_on_every_struct() {
     );
     let stamp = kernel("stamp");
     compare_layout!(stamp, Stamp { columns, first_share, result, pressure, width });
-    let weather = kernel("weather");
+    let (weather, shade, totals) = (kernel("weather"), kernel("shade"), kernel("totals"));
     compare_layout!(
         weather,
         WeatherStep {
@@ -157,7 +157,7 @@ fn host_and_shaders_agree_on_every_struct() {
     compare_layout!(weather, Shelter { tile, low, high, padding });
     compare_layout!(weather, ExchangeResult { sums });
     compare_layout!(
-        kernel("shade"),
+        shade,
         ShadeJob {
             sweep_end,
             shade_end,
@@ -175,7 +175,7 @@ fn host_and_shaders_agree_on_every_struct() {
             lowest_fraction,
         }
     );
-    compare_layout!(kernel("totals"), ColumnTotals { mass, water, surface });
+    compare_layout!(totals, ColumnTotals { mass, water, surface });
     compare_layout!(module, Run { cycles, flags, rate, tally, press });
     compare_layout!(module, Tile { session, page, row, shape });
     compare_layout!(module, Tally { last_change, active_tiles, mass_low, mass_high });

@@ -71,6 +71,8 @@ pub enum KernelId {
 
 const LAYOUT: &str = include_str!("../../../../shaders/shared/layout.wgsl");
 const MATERIAL: &str = include_str!("../../../../shaders/shared/material.wgsl");
+const WET: &str = include_str!("../../../../shaders/shared/wet.wgsl");
+const ALPINE: &str = include_str!("../../../../shaders/shared/alpine.wgsl");
 const ELEVATION: &str = include_str!("../../../../shaders/shared/elevation.wgsl");
 const LOAD: &str = include_str!("../../../../shaders/shared/load.wgsl");
 const WIDE: &str = include_str!("../../../../shaders/shared/wide.wgsl");
@@ -85,7 +87,7 @@ pub const KERNELS: [Kernel; 15] = [
     Kernel {
         name: "snowfall",
         entry_point: "snowfall",
-        source: &[LAYOUT, WIDE, RECUT, include_str!("../../../../shaders/snowfall.wgsl")],
+        source: &[LAYOUT, WIDE, WET, RECUT, include_str!("../../../../shaders/snowfall.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Tiles, Read),
@@ -105,7 +107,14 @@ pub const KERNELS: [Kernel; 15] = [
     Kernel {
         name: "stamp",
         entry_point: "stamp",
-        source: &[LAYOUT, MATERIAL, LOAD, include_str!("../../../../shaders/stamp.wgsl")],
+        source: &[
+            LAYOUT,
+            MATERIAL,
+            WET,
+            ALPINE,
+            LOAD,
+            include_str!("../../../../shaders/stamp.wgsl"),
+        ],
         bindings: &[
             (Sessions, Read),
             (Tiles, Read),
@@ -188,7 +197,7 @@ pub const KERNELS: [Kernel; 15] = [
     Kernel {
         name: "press",
         entry_point: "press",
-        source: &[LAYOUT, MATERIAL, include_str!("../../../../shaders/press.wgsl")],
+        source: &[LAYOUT, MATERIAL, WET, ALPINE, include_str!("../../../../shaders/press.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Runs, Read),
@@ -244,7 +253,14 @@ pub const KERNELS: [Kernel; 15] = [
     Kernel {
         name: "sample",
         entry_point: "sample",
-        source: &[LAYOUT, ELEVATION, MATERIAL, include_str!("../../../../shaders/sample.wgsl")],
+        source: &[
+            LAYOUT,
+            ELEVATION,
+            MATERIAL,
+            WET,
+            ALPINE,
+            include_str!("../../../../shaders/sample.wgsl"),
+        ],
         bindings: &[
             (Sessions, Read),
             (Tiles, Read),

@@ -9,6 +9,7 @@ mod conduction;
 mod descent;
 mod fall;
 mod gathering;
+mod hand_hardness;
 mod hardness;
 mod housekeeping;
 mod shade;
@@ -20,7 +21,9 @@ mod wet;
 
 pub use conduction::Scratch;
 pub use gathering::{Due, Gathering};
-pub use hardness::{hardness, pressed_density};
+pub use hand_hardness::HandHardness;
+pub(crate) use hardness::Strength;
+pub use hardness::{PRESSED_DENSITY, hardness, pressed_density};
 pub use shade::{Relief, Sweep};
 pub use step::{Exchange, Stepped};
 pub use surface::{SOIL_THICKNESS, Surface};
