@@ -46,7 +46,7 @@ pub enum Case {
     WeatherSession,
     /// 2048²×50 of the same: a step of weather
     Weather,
-    /// 10 000 sessions of 50³ of the same: a step of weather of all of them, in a frame
+    /// 10 000 sessions of 50³ with 5.8 m of it: a step of weather of all of them, in a frame
     WeatherCrowd,
     /// A session of 50³ of alpine snow through 270 days of weather in steps of 900 s
     Season,
@@ -128,7 +128,7 @@ impl Case {
             Case::Vehicle | Case::VehicleAwake => (Quantity::Seconds, 0.15e-3),
             Case::Objects => (Quantity::Seconds, 1.0 / 60.0),
             Case::Stamps => (Quantity::Seconds, 3e-3),
-            Case::WeatherSession => (Quantity::Seconds, 1e-3),
+            Case::WeatherSession => (Quantity::Seconds, 100e-6),
             Case::Weather => (Quantity::Seconds, 5e-3),
             Case::WeatherCrowd => (Quantity::Seconds, 20e-3),
             Case::Season => (Quantity::Seconds, 5.0),
