@@ -7,7 +7,7 @@
 
 use std::time::Duration;
 
-use firn_engine::frame::{ColumnRead, Edit, SampleBox, Slot, Work, WorkOutcome};
+use firn_engine::frame::{ColumnRead, Edit, SampleBox, Slot, Weathering, Work, WorkOutcome};
 use firn_snow::{Grid, TILE_COLUMNS};
 
 use crate::core::session::{MOST_SAMPLES, Reach};
@@ -83,6 +83,11 @@ impl Portions {
     /// Whether that many units are more than a frame should have.
     pub fn part(&self, units: u64) -> bool {
         units > self.size
+    }
+
+    /// Units that a frame should have at the most.
+    pub fn size(&self) -> u64 {
+        self.size
     }
 
     /// Cycles that a frame should have, each of so many units: one at least.
@@ -177,6 +182,11 @@ fn cells_of_tile(grid: &Grid) -> u64 {
     u64::from(TILE_COLUMNS) * u64::from(grid.height)
 }
 
+/// Units of a step of weather.
+pub(crate) fn weather_units(grid: &Grid) -> u64 {
+    Weathering::UNITS * u64::from(grid.tiles()) * cells_of_tile(grid)
+}
+
 /// Units of a change.
 fn units_of(edit: &Edit, grid: &Grid) -> u64 {
     match edit {
@@ -188,6 +198,9 @@ fn units_of(edit: &Edit, grid: &Grid) -> u64 {
         Edit::SetGround(_) => GROUND * grid.columns(),
         Edit::SetMaterial(_) => u64::from(grid.tiles()),
         Edit::Restore(_) => u64::from(grid.tiles()) * cells_of_tile(grid),
+        Edit::Weather(weathering) => {
+            weather_units(grid).saturating_mul(weathering.steps.len() as u64)
+        }
     }
 }
 
