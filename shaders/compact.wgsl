@@ -149,6 +149,13 @@ fn compact(
     // `press` has them where loads press.
     let pressed = loaded && run.press > 0u;
     let stepped = (work.flags & STEPPED) != 0u;
+    if session.hardness_law == ALPINE && !pressed {
+        // Alpine snow settles with the weather, not from cycle to cycle.
+        if thread == 0u && work.cycle < run.cycles {
+            atomicAnd(&states[tile], ~AWAKE);
+        }
+        return;
+    }
     let rate = select(run.rate, work.rate, stepped);
     if !awake || pressed || work.cycle >= run.cycles || (first_only && work.cycle > 0u) {
         return;

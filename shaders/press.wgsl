@@ -111,7 +111,15 @@ fn press(
         let before = f32(thickness[i]);
         let cell = Cell(quanta * session.density, temperature[i], stress[i], thinnest, before);
         var after = before;
-        if cell.stress > weight {
+        if session.hardness_law == ALPINE {
+            // It settles under its own weight, and carries the load alone.
+            if cell.stress > weight {
+                let strength = alpine_strength(quanta, cell.temperature);
+                let load = cell.stress - weight;
+                let found = alpine_pressed(strength, cell.content, load, u32(thinnest), u32(before));
+                after = max(f32(found), before - most);
+            }
+        } else if cell.stress > weight {
             after = pressed(session, cell, weight, most);
         } else {
             after = crept(session, rate, cell);

@@ -100,14 +100,18 @@ fn sample(
         let cell = base + slot * TILE_COLUMNS;
         let quanta = f32(mass[cell]);
         let d = thickness[cell];
-        let celsius = temperature[cell];
+        let celsius = celsius_of(temperature[cell]);
         let sigma = stress[cell];
         let density = quanta / f32(d) * session.density;
         // The law takes four cells at a time; here they are all the same.
-        let hard = hardness(session, vec4(density), vec4(celsius)).x;
+        var hard = hardness(session, vec4(density), vec4(celsius)).x;
+        if session.hardness_law == ALPINE {
+            hard = alpine_hardness(alpine_strength(quanta, temperature[cell]), density);
+        }
         let stiffness = pow(density, session.stiffness_exponent);
         let load_stress = max(sigma - GRAVITY * (f32(above) * MASS_QUANTUM), 0.0);
-        let excess = vec4(sigma - hard);
+        // Alpine snow settles with the weather, not from cycle to cycle.
+        let excess = vec4(select(sigma - hard, 0.0, session.hardness_law == ALPINE));
         let x = indent_of(session, job.rate, excess, vec4(density), vec4(f32(d))).x * session.metres;
         above -= mass[cell];
         var left = d;

@@ -31,12 +31,13 @@ struct Cell {
     temperature: f32,
 }
 
-// A column while it is worked on: its first cell, its slots, how many are filled, the thickness of
-// all of them together, and the topmost cell, which is stored when another one is laid on it, and in
-// the end.
+// A column while it is worked on: its first cell, its slots, whether its snow is alpine, how many slots are filled, the
+// thickness of all of them together, and the topmost cell, which is stored when another one is laid on it, and in the
+// end.
 struct Column {
     base: u32,
     slots: u32,
+    alpine: bool,
     cells: u32,
     height: u32,
     top: Cell,
@@ -142,7 +143,7 @@ fn open_cells(column: ptr<function, Column>, fall: ptr<function, Fall>) {
         var taken = take(fall, piece);
         if taken == 0u {
             // Too thin a rest to have a quantum of mass of its own.
-            if (*column).cells == 0u || (*column).top.mass <= 1u {
+            if (*column).cells == 0u || (*column).top.mass - water_of((*column).top.temperature) <= 1u {
                 (*fall).depth = 0u;
                 return;
             }
@@ -164,7 +165,8 @@ fn deposit(column: ptr<function, Column>, snow: Fall) -> u32 {
     var fall = snow;
     top_up(column, &fall);
     open_cells(column, &fall);
-    if fall.depth > 0u {
+    // No cell of alpine snow is cut anew to make room: water would go astray.
+    if fall.depth > 0u && !(*column).alpine {
         recut(column);
         open_cells(column, &fall);
     }
@@ -187,6 +189,10 @@ fn clear(column: ptr<function, Column>, depth: u32) -> u32 {
         if kept < cell.thickness {
             let part = wide_divide(wide_multiply(cell.mass, kept), cell.thickness);
             cleared += cell.mass - part;
+            let water = water_of(cell.temperature);
+            if water > 0u {
+                cell.temperature = wet(wide_divide(wide_multiply(water, kept), cell.thickness));
+            }
             cell.mass = part;
             cell.thickness = kept;
             if part > 0u {
@@ -289,8 +295,9 @@ fn snowfall(
     let place = job.tile * TILE_COLUMNS + thread;
     let base = tile.row * TILE_COLUMNS + thread;
     let cover = cover_of(job, thread);
+    let alpine = session.hardness_law == ALPINE;
     var column =
-        Column(base, session.height, filled[place], heights[place], Cell(0u, 0u, 0.0));
+        Column(base, session.height, alpine, filled[place], heights[place], Cell(0u, 0u, 0.0));
     load_top(&column);
 
     let end = job.first_operation + job.operations;

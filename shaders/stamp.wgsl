@@ -41,6 +41,10 @@ fn strength(session: Session, load: Stamp, cell: Cell, d: f32) -> f32 {
         return 2.0;
     }
     let density = cell.mass / d * session.density;
+    if session.hardness_law == ALPINE {
+        // It settles under its own weight, and carries the load alone.
+        return alpine_hardness(alpine_strength(cell.mass, cell.temperature), density) / felt;
+    }
     return hardness(session, vec4(density), vec4(cell.temperature)).x / (cell.weight + felt);
 }
 

@@ -36,6 +36,9 @@ const UNDER_OBJECTS: u32 = 4u;  // the listed tiles are those under objects, aft
 const LISTED: u32 = 8u;         // the host has listed just the tiles that the kernel is for
 const STEPPED: u32 = 16u;       // it is one of the steps of a cycle in which objects move
 
+// Session.hardness_law of alpine snow.
+const ALPINE: u32 = 3u;
+
 // An elevation: whole cells above level 0, rounded down, and quanta above those.
 struct Elevation {
     cells: i32,
@@ -249,6 +252,111 @@ struct Sample {
     stress: f32,
     load_stress: f32,
     indent: f32,
+}
+
+// Bits of WeatherStep.flags.
+const ABOVE_GROUND: u32 = 1u;  // heights of the instruments are above ground rather than above the snow
+const SNOWS: u32 = 2u;         // snow falls, whether any of it is due or not
+
+// The weather in one step, the same for all columns of a snowpack.
+struct WeatherStep {
+    seconds: f32,
+    // [degrees C]
+    air: f32,
+    // Specific humidity.
+    humidity: f32,
+    // [kg/m3]
+    air_density: f32,
+    // [Pa]
+    pressure: f32,
+    // [m/s]
+    wind: f32,
+    // On level ground, and from the sky [W/m2].
+    shortwave: f32,
+    longwave: f32,
+    // Albedo that cold snow and wet snow tend to, and how much of the way is left after the step.
+    aged: vec2<f32>,
+    young: vec2<f32>,
+    // [m]
+    temperature_height: f32,
+    wind_height: f32,
+    flags: u32,
+    // Snow that is due: mass and thickness in quanta, and temperature [degrees C].
+    snow: u32,
+    snow_thickness: u32,
+    snow_temperature: f32,
+    // Mass quanta.
+    rain: u32,
+    padding: u32,
+}
+
+// Steps of weather of one snowpack, on some of its tiles that follow each other.
+struct WeatherJob {
+    // Workgroups of this job and of those before it, and end of its tiles.
+    end: u32,
+    end_tile: u32,
+    first_step: u32,
+    steps: u32,
+    // Its row in the table of exchanges.
+    exchange: u32,
+    first_shelter: u32,
+    shelters: u32,
+    // Where the parts of the short wave on its columns begin; NONE where all have the same.
+    first_shine: u32,
+    // What a column begins with: temperatures of the skin and of the soil, from the top down [degrees C].
+    skin: f32,
+    soil_0: f32,
+    soil_1: f32,
+    soil_2: f32,
+    soil_3: f32,
+    padding: u32,
+}
+
+// A tile with columns, bit by bit, on which no snow falls because of objects.
+struct Shelter {
+    tile: u32,
+    low: u32,
+    high: u32,
+    padding: u32,
+}
+
+// Mass quanta that were refused, deposited, sublimated and that ran off: low and high words.
+struct ExchangeResult {
+    sums: array<atomic<u32>, 8>,
+}
+
+// Bits of ShadeJob.flags.
+const ALONG_X: u32 = 1u;      // the grid is swept along x rather than z
+const SWEEPS_BACK: u32 = 2u;  // from its far end
+
+// Where light falls on a snowpack in a step.
+struct ShadeJob {
+    // Workgroups that sweep for this job and those before it, and those that shade.
+    sweep_end: u32,
+    shade_end: u32,
+    session: u32,
+    // Where the parts of the short wave on its columns begin.
+    first_shine: u32,
+    flags: u32,
+    // Sideways shift of the lines in a column, times 2^16; their first; and by how much shadow sinks in a column [cells].
+    shift: i32,
+    first_line: i32,
+    sinks: f32,
+    // Direction to the sun, and the part of the light that comes from all over the sky.
+    east: f32,
+    up: f32,
+    north: f32,
+    diffuse: f32,
+    // The lowest ground.
+    lowest_cells: i32,
+    lowest_fraction: u32,
+}
+
+// A column of alpine snow, summed up, and what it has beside its cells, as it is stored.
+struct ColumnTotals {
+    mass: u32,
+    water: u32,
+    surface: array<u32, 8>,
 }
 
 // What one dispatch works on.

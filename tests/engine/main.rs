@@ -1,5 +1,6 @@
 //! The engine without sessions: the GPU's kernels beside their twins in plain Rust.
 
+mod alpine;
 mod arena;
 mod embedded;
 mod frames;

@@ -111,6 +111,71 @@ fn host_and_shaders_agree_on_every_struct() {
     );
     let stamp = kernel("stamp");
     compare_layout!(stamp, Stamp { columns, first_share, result, pressure, width });
+    let (weather, shade, totals) = (kernel("weather"), kernel("shade"), kernel("totals"));
+    compare_layout!(
+        weather,
+        WeatherStep {
+            seconds,
+            air,
+            humidity,
+            air_density,
+            pressure,
+            wind,
+            shortwave,
+            longwave,
+            aged,
+            young,
+            temperature_height,
+            wind_height,
+            flags,
+            snow,
+            snow_thickness,
+            snow_temperature,
+            rain,
+            padding,
+        }
+    );
+    compare_layout!(
+        weather,
+        WeatherJob {
+            end,
+            end_tile,
+            first_step,
+            steps,
+            exchange,
+            first_shelter,
+            shelters,
+            first_shine,
+            skin,
+            soil_0,
+            soil_1,
+            soil_2,
+            soil_3,
+            padding,
+        }
+    );
+    compare_layout!(weather, Shelter { tile, low, high, padding });
+    compare_layout!(weather, ExchangeResult { sums });
+    compare_layout!(
+        shade,
+        ShadeJob {
+            sweep_end,
+            shade_end,
+            session,
+            first_shine,
+            flags,
+            shift,
+            first_line,
+            sinks,
+            east,
+            up,
+            north,
+            diffuse,
+            lowest_cells,
+            lowest_fraction,
+        }
+    );
+    compare_layout!(totals, ColumnTotals { mass, water, surface });
     compare_layout!(module, Run { cycles, flags, rate, tally, press });
     compare_layout!(module, Tile { session, page, row, shape });
     compare_layout!(module, Tally { last_change, active_tiles, mass_low, mass_high });

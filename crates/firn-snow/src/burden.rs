@@ -32,7 +32,7 @@ impl Burden {
 
     /// Part of a cell's snow, by its mass in quanta of one column.
     pub fn part(mass: u128, cell: &Cell) -> Burden {
-        let celsius = (cell.temperature * DEGREE).round() as i128;
+        let celsius = (cell.celsius() * DEGREE).round() as i128;
         let thickness = mass * u128::from(cell.thickness) / u128::from(cell.mass.max(1));
         Burden { mass, thickness: thickness.max(1), heat: mass as i128 * celsius }
     }

@@ -4,6 +4,8 @@
 //! is computed in f32, as on the GPU.
 
 mod after;
+mod alpine;
+mod edit;
 mod equilibrium;
 mod press;
 mod search;
@@ -11,15 +13,11 @@ mod stamp;
 
 use super::grid::{CELL, Grid};
 use super::material::{GRAVITY, LoadDistribution, Material, REFERENCE_CELL_SIZE};
-use super::recut::recut;
 
 pub(crate) use stamp::Printer;
 
 /// One mass quantum \[kg/m²\].
 const MASS_QUANTUM: f32 = 1.0 / (1 << 18) as f32;
-
-/// Largest difference in temperature \[°C\] at which fresh snow tops up the cell below.
-const TOP_UP_TEMPERATURE: f32 = 0.25;
 
 /// Part of its thickness by which a cell is compacted in one cycle at the most.
 const LARGEST_INDENT: f32 = 0.99;
@@ -53,31 +51,6 @@ pub struct Column {
     pub cells: Vec<Cell>,
 }
 
-/// Snow that is still to be laid on a column.
-struct Fall {
-    mass: u32,
-    depth: u32,
-    /// Mass of a full cell of this snow.
-    share: u64,
-    temperature: f32,
-}
-
-impl Fall {
-    /// Takes off a piece of a thickness, and returns its mass.
-    #[inline]
-    fn take(&mut self, thickness: u32) -> u32 {
-        let mass = if thickness == self.depth {
-            self.mass
-        } else {
-            // A piece's share of the mass is part of the mass, which fits 32 bits.
-            (self.share * u64::from(thickness) / u64::from(CELL)) as u32
-        };
-        self.depth -= thickness;
-        self.mass -= mass;
-        mass
-    }
-}
-
 impl Column {
     /// Height in thickness quanta.
     #[inline]
@@ -89,80 +62,6 @@ impl Column {
     #[inline]
     pub fn mass(&self) -> u32 {
         self.cells.iter().map(|cell| cell.mass).sum()
-    }
-
-    /// Lays snow of a mass and a depth, both in quanta, on top; returns the mass that did not fit
-    /// in the column's slots.
-    pub fn deposit(&mut self, slots: u32, mass: u32, depth: u32, temperature: f32) -> u32 {
-        if depth == 0 {
-            return mass;
-        }
-        let share = u64::from(mass) * u64::from(CELL) / u64::from(depth);
-        let mut fall = Fall { mass, depth, share, temperature };
-        self.top_up(&mut fall);
-        self.open_cells(&mut fall, slots);
-        if fall.depth > 0 {
-            recut(&mut self.cells);
-            self.open_cells(&mut fall, slots);
-        }
-        fall.mass
-    }
-
-    /// Fills the top cell up to full thickness where it is much like the snow that falls.
-    fn top_up(&mut self, fall: &mut Fall) {
-        let Some(top) = self.cells.last_mut() else { return };
-        let like = fall.share.saturating_mul(u64::from(top.thickness));
-        let same_density =
-            (u64::from(top.mass) * u64::from(CELL)).abs_diff(like).saturating_mul(20) <= like;
-        let same_temperature = (top.temperature - fall.temperature).abs() <= TOP_UP_TEMPERATURE;
-        if top.thickness >= CELL || !same_density || !same_temperature {
-            return;
-        }
-        let thickness = fall.depth.min(CELL - top.thickness);
-        let mass = fall.take(thickness);
-        top.temperature = mixed(top.temperature, top.mass, fall.temperature, mass);
-        top.mass += mass;
-        top.thickness += thickness;
-    }
-
-    /// Opens full cells, the last one thinner, as long as there are slots.
-    fn open_cells(&mut self, fall: &mut Fall, slots: u32) {
-        while fall.depth > 0 && self.cells.len() < slots as usize {
-            let thickness = fall.depth.min(CELL);
-            let mut mass = fall.take(thickness);
-            if mass == 0 {
-                // Too thin a rest to have a quantum of mass of its own.
-                match self.cells.last_mut() {
-                    Some(below) if below.mass > 1 => below.mass -= 1,
-                    _ => {
-                        fall.depth = 0;
-                        return;
-                    }
-                }
-                mass = 1;
-            }
-            let temperature = fall.temperature;
-            self.cells.push(Cell { mass, thickness, temperature, stress: 0.0 });
-        }
-    }
-
-    /// Removes what is above a depth in quanta; returns the mass removed. The cell that is cut
-    /// keeps its part of the mass, rounded down, and goes whole where that is nothing.
-    pub fn clear(&mut self, depth: u32) -> u32 {
-        let mut left = depth;
-        let mut cleared = 0;
-        self.cells.retain_mut(|cell| {
-            let kept = cell.thickness.min(left);
-            left -= kept;
-            let part = u64::from(cell.mass) * u64::from(kept) / u64::from(cell.thickness);
-            // A part of a 32-bit mass.
-            let mass = part as u32;
-            cleared += cell.mass - mass;
-            cell.mass = mass;
-            cell.thickness = kept;
-            mass > 0
-        });
-        cleared
     }
 
     /// Evaluates the stress of every cell from the snow above it and the loads on the surface;
@@ -189,7 +88,8 @@ impl Column {
     }
 
     /// Runs a number of cycles of `dt` seconds each under the present stress; returns 1 + the
-    /// index of the last cycle in which a cell changed, 0 where none did.
+    /// index of the last cycle in which a cell changed, 0 where none did. Alpine snow does not: it settles
+    /// with the weather.
     #[inline]
     pub fn compact(&mut self, grid: &Grid, material: &Material, cycles: u32, dt: f32) -> u32 {
         let law = Compaction::new(grid, material, dt);
@@ -243,7 +143,7 @@ impl Compaction<'_> {
         Compaction {
             material,
             density: density as f32,
-            densest: (density / material.max_density) as f32,
+            densest: (density / material.densest()) as f32,
             rate: dt / REFERENCE_CELL_SIZE as f32,
         }
     }
@@ -269,6 +169,9 @@ impl Compaction<'_> {
     /// Indent of one cycle in thickness quanta, rounded down.
     #[inline]
     pub(super) fn indent(&self, cell: &Cell, mass: f32) -> u32 {
+        if self.material.hardness_law.is_alpine() {
+            return 0;
+        }
         let thickness = cell.thickness as f32;
         let density = mass / thickness * self.density;
         let excess = cell.stress - self.material.hardness(density, cell.temperature);
@@ -281,9 +184,21 @@ impl Compaction<'_> {
 
     /// Hardness of a cell \[Pa\].
     #[inline]
-    fn hardness(&self, cell: &Cell) -> f32 {
-        let density = cell.mass as f32 / cell.thickness as f32 * self.density;
-        self.material.hardness(density, cell.temperature)
+    pub(super) fn hardness(&self, cell: &Cell) -> f32 {
+        self.material.strength(cell).hardness(self.density_of(cell))
+    }
+
+    /// Density of a cell \[kg/m³\].
+    #[inline]
+    fn density_of(&self, cell: &Cell) -> f32 {
+        cell.mass as f32 / cell.thickness as f32 * self.density
+    }
+
+    /// The hardness \[Pa\] that a cell needs to carry a stress, of which some is that of the snow on it: alpine
+    /// snow settles under that, and carries the rest.
+    #[inline]
+    fn borne(&self, stress: f32, weight: f32) -> f32 {
+        if self.material.hardness_law.is_alpine() { stress - weight } else { stress }
     }
 
     /// Thickness in quanta at the largest density.

@@ -1,5 +1,8 @@
 //! What snow is made of: density, hardness and stiffness.
 
+use crate::alpine;
+use crate::column::Cell;
+
 /// Gravity \[m/s²\].
 pub const GRAVITY: f64 = 9.81;
 
@@ -20,6 +23,16 @@ pub enum HardnessLaw {
     Regression = 1,
     /// Gold (1956), thesis 2.2, tied to `calibrated` at 20 kg/m³ and −3 °C.
     Gold = 2,
+    /// The only law of alpine snowpacks, which no other takes.
+    Alpine = 3,
+}
+
+impl HardnessLaw {
+    /// Whether it is that of alpine snow, which loads press and its own weight does not.
+    #[inline]
+    pub fn is_alpine(self) -> bool {
+        self == HardnessLaw::Alpine
+    }
 }
 
 /// How a surface load spreads with depth below an object.
@@ -76,17 +89,18 @@ impl Default for Material {
 }
 
 impl Material {
-    /// Hardness \[Pa\] of snow of a density \[kg/m³\] and temperature \[°C\]; never negative.
+    /// Hardness \[Pa\] of dry snow of a density \[kg/m³\] and temperature \[°C\]; never negative.
     ///
     /// `shaders/shared/material.wgsl` computes the same in the same order.
     #[inline]
     pub fn hardness(&self, density: f32, temperature: f32) -> f32 {
-        self.strength(temperature).hardness(density)
+        self.strength(&Cell { temperature, ..Cell::default() }).hardness(density)
     }
 
-    /// What hardness owes to a temperature \[°C\]: for a look at many densities.
+    /// What hardness owes to a cell's temperature and water: for a look at many densities.
     #[inline]
-    pub(crate) fn strength(&self, temperature: f32) -> Strength {
+    pub(crate) fn strength(&self, cell: &Cell) -> Strength {
+        let temperature = cell.temperature;
         match self.hardness_law {
             HardnessLaw::Calibrated => Strength::Calibrated { temperature },
             HardnessLaw::Regression => Strength::Regression { temperature },
@@ -94,6 +108,16 @@ impl Material {
                 prefactor: gold_prefactor(self.grain_size_mm),
                 warmth: (-0.063 * (temperature + 3.0)).exp(),
             },
+            HardnessLaw::Alpine => Strength::Alpine(alpine::Strength::of(cell)),
+        }
+    }
+
+    /// Density \[kg/m³\] beyond which snow is not compacted.
+    #[inline]
+    pub fn densest(&self) -> f64 {
+        match self.hardness_law {
+            HardnessLaw::Alpine => alpine::PRESSED_DENSITY.into(),
+            _ => self.max_density,
         }
     }
 
@@ -110,6 +134,7 @@ pub(crate) enum Strength {
     Calibrated { temperature: f32 },
     Regression { temperature: f32 },
     Gold { prefactor: f32, warmth: f32 },
+    Alpine(alpine::Strength),
 }
 
 impl Strength {
@@ -127,6 +152,7 @@ impl Strength {
             Strength::Gold { prefactor, warmth } => {
                 prefactor * (density / 20.0).powf(3.92) * warmth
             }
+            Strength::Alpine(strength) => strength.hardness(density),
         }
     }
 
@@ -134,7 +160,7 @@ impl Strength {
     pub fn root(&self) -> fn(f32) -> f32 {
         match self {
             Strength::Calibrated { .. } | Strength::Regression { .. } => f32::sqrt,
-            Strength::Gold { .. } => |hardness| hardness.sqrt().sqrt(),
+            Strength::Gold { .. } | Strength::Alpine(_) => |hardness| hardness.sqrt().sqrt(),
         }
     }
 }

@@ -110,8 +110,8 @@ pub fn sample_column(
         let density = mass / cell.thickness as f32 * law.density;
         let values = Sample {
             density,
-            temperature: cell.temperature,
-            hardness: material.hardness(density, cell.temperature),
+            temperature: cell.celsius(),
+            hardness: law.hardness(&cell),
             stiffness: material.stiffness(density),
             stress: cell.stress,
             external_stress: (cell.stress - GRAVITY as f32 * (above as f32 * MASS_QUANTUM))
@@ -221,6 +221,17 @@ mod tests {
         assert!((samples[1].fill - 0.75).abs() < 1e-6 && (samples[2].fill - 0.25).abs() < 1e-6);
         let part = sample_column(&grid, &material, 1.0 / 60.0, ground, cells.into_iter(), 2..3);
         assert_eq!(part, samples[2..3]);
+    }
+
+    #[test]
+    fn wet_snow_is_at_0_degrees_and_as_hard_as_its_water_leaves_it() {
+        let material = Material { hardness_law: crate::HardnessLaw::Alpine, ..Material::default() };
+        let mut wet = Cell { stress: 1e6, ..cell(10 << 18, CELL, 0.0) };
+        wet.set_heat(0.0, 1 << 18);
+        let samples = sample_column(&Grid::default(), &material, 0.1, 0, [wet].into_iter(), 0..1);
+        let hardness = crate::alpine::hardness(50.0, 0.0, 0.005);
+        assert_eq!((samples[0].temperature, samples[0].indent), (0.0, 0.0));
+        assert!((samples[0].hardness / hardness - 1.0).abs() < 1e-5, "{:?}", samples[0]);
     }
 
     #[test]

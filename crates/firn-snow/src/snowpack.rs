@@ -1,6 +1,7 @@
 //! A whole snowpack: its columns in tiles, the objects on it, and which tiles are at rest.
 
 mod collider;
+mod edit;
 mod run;
 mod stamp;
 mod tile;
@@ -89,50 +90,11 @@ impl Snowpack {
         u64::from(grid.tiles()) * Tile::BYTES
     }
 
-    /// Lets snow of a depth and an areal mass, both in quanta, fall on every column of a rectangle that no object
-    /// shelters; returns the mass quanta refused.
-    pub fn deposit(&mut self, rect: ColumnRect, depth: u32, mass: u32, temperature: f32) -> u64 {
-        let slots = self.grid.height;
-        let fall = |column: &mut Column| column.deposit(slots, mass, depth, temperature);
-        self.edit(rect, |tile| tile.sheltered, fall)
-    }
-
-    /// Lays snow on every column of a rectangle, under objects too; returns the mass quanta refused.
-    pub fn lay(&mut self, rect: ColumnRect, depth: u32, mass: u32, temperature: f32) -> u64 {
-        let slots = self.grid.height;
-        self.edit(rect, |_| 0, |column| column.deposit(slots, mass, depth, temperature))
-    }
-
-    /// Removes what is above a depth in quanta, under objects too; returns the mass quanta removed.
-    pub fn strip(&mut self, rect: ColumnRect, depth: u32) -> u64 {
-        self.edit(rect, |_| 0, |column| column.clear(depth))
-    }
-
-    /// Removes what is above a depth in quanta where no object stands; returns the mass quanta removed.
-    pub fn clear(&mut self, rect: ColumnRect, depth: u32) -> u64 {
-        self.edit(rect, |tile| tile.stood_on, |column| column.clear(depth))
-    }
-
     /// Puts other ground under the snow of a tile, out of all columns' as in [`Snowpack::new`].
     pub fn set_ground(&mut self, tile: u32, ground: &[f64]) {
         if let Some(tile) = self.tiles.get_mut(tile as usize) {
             tile.set_ground(&self.grid, ground);
         }
-    }
-
-    /// Changes columns, but for those that are `spared` of a tile; returns the sum of what that returned.
-    fn edit(
-        &mut self,
-        rect: ColumnRect,
-        spared: impl Fn(&Tile) -> u64 + Sync,
-        change: impl Fn(&mut Column) -> u32 + Sync,
-    ) -> u64 {
-        self.list_loads();
-        let tiles = rect.tiles();
-        let rows = self.tiles.par_chunks_mut(self.grid.tiles_x() as usize);
-        let rows = rows.skip(tiles.z0 as usize).take((tiles.z1 - tiles.z0) as usize);
-        let touched = rows.flat_map(|row| &mut row[tiles.x0 as usize..tiles.x1 as usize]);
-        touched.map(|tile| tile.edit(rect, spared(tile), |column, _| change(column)).sum).sum()
     }
 
     /// Puts an object on the snow, or replaces the one of that id. Where it is `placed`, the

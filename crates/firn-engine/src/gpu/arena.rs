@@ -3,15 +3,16 @@
 
 use std::ops::Range;
 
+use firn_snow::alpine::Surface;
 use firn_snow::{ColumnRect, Grid, TILE_COLUMNS};
 
-use crate::frame::{EngineError, Slot, TileCells};
+use crate::frame::{EngineError, Layout, Slot, TileCells};
 
 use super::buffer::Table;
 use super::device::Device;
 use super::kernels::Resource;
-use super::layout::{AWAKE, DIRTY, Elevation, Tile};
-use super::pages::{Budget, Pages, Place, ROW_BYTES};
+use super::layout::{AWAKE, DIRTY, Elevation, SURFACE_ROWS, Tile, words_of};
+use super::pages::{Budget, Page, Pages, Place, ROW_BYTES};
 use super::ranges::Ranges;
 use super::tables::PACKED_BYTES;
 
@@ -28,7 +29,7 @@ pub struct Lot {
     pub tiles: Range<u32>,
     /// Where each tile's cells are.
     pub places: Vec<Place>,
-    /// Rows of a tile.
+    /// Rows of a tile: its slots, and what alpine snow has behind them.
     pub height: u32,
 }
 
@@ -106,9 +107,15 @@ impl Arena {
     ///
     /// # Errors
     /// [`EngineError::OutOfMemory`]; nothing is taken then.
-    pub fn take(&mut self, device: &Device, slot: Slot, grid: &Grid) -> Result<Lot, EngineError> {
+    pub fn take(
+        &mut self,
+        device: &Device,
+        slot: Slot,
+        layout: &Layout,
+    ) -> Result<Lot, EngineError> {
+        let grid = &layout.grid;
         let count = grid.tiles();
-        let height = grid.height;
+        let height = rows_of(layout);
         let tiles = self.take_tiles(device, count)?;
         let budget = Budget { most: self.budget, beside: self.table_bytes() };
         let places = match self.pages.take(device, count, height, budget) {
@@ -160,8 +167,16 @@ impl Arena {
         self.tiles.take(count).ok_or_else(|| EngineError::OutOfMemory("no tiles".to_owned()))
     }
 
-    /// Writes the cells of some of a snowpack's tiles, ahead of the next submit; `saved` has those of all.
-    pub fn restore(&self, device: &Device, lot: &Lot, tiles: Range<u32>, saved: &[TileCells]) {
+    /// Writes the cells of some of a snowpack's tiles, each with so many slots, ahead of the next submit; `saved` has
+    /// those of all.
+    pub fn restore(
+        &self,
+        device: &Device,
+        lot: &Lot,
+        slots: u32,
+        tiles: Range<u32>,
+        saved: &[TileCells],
+    ) {
         let first = lot.tiles.start + tiles.start;
         let range = tiles.start as usize..(tiles.end as usize).min(saved.len());
         let tiles = &saved[range.clone()];
@@ -175,6 +190,9 @@ impl Arena {
             ];
             for (buffer, plane) in page.cells.iter().zip(planes) {
                 device.queue.write_buffer(buffer, u64::from(place.row) * ROW_BYTES, plane);
+            }
+            if !cells.surfaces.is_empty() {
+                write_surfaces(device, page, place.row + slots, &cells.surfaces);
             }
         }
         let (mut heights, mut filled) = (Vec::new(), Vec::new());
@@ -248,6 +266,25 @@ impl Arena {
         if let Some(buffer) = self.table(table) {
             let offset = u64::from(first) * std::mem::size_of::<T>() as u64;
             device.queue.write_buffer(buffer, offset, bytemuck::cast_slice(rows));
+        }
+    }
+}
+
+/// Rows of a tile. Behind those of its cells alpine snow has some for its surface, and room for a number for each
+/// cell: four of them fit a row, one in each buffer.
+fn rows_of(layout: &Layout) -> u32 {
+    let height = layout.grid.height;
+    height + layout.surface.map_or(0, |_| SURFACE_ROWS + height.div_ceil(4))
+}
+
+/// Writes what the columns of a tile have beside their cells, from a row on.
+fn write_surfaces(device: &Device, page: &Page, row: u32, surfaces: &[Surface]) {
+    let words: Vec<[u32; 8]> = surfaces.iter().map(words_of).collect();
+    for (half, row) in (row..row + SURFACE_ROWS).enumerate() {
+        for (i, buffer) in page.cells.iter().enumerate() {
+            let plane: Vec<u32> = words.iter().map(|words| words[4 * half + i]).collect();
+            let bytes = bytemuck::cast_slice(&plane);
+            device.queue.write_buffer(buffer, u64::from(row) * ROW_BYTES, bytes);
         }
     }
 }

@@ -29,6 +29,7 @@ impl GpuBackend {
             let first = totals.edits;
             totals.edits += self.results_of(frame.work[place].slot, part);
             parts[place].edits = first..totals.edits;
+            totals.weathers |= part.steps.iter().any(|step| matches!(step, Step::Weather(_)));
         }
         let last = rounds.pop().unwrap_or_default();
 
@@ -63,7 +64,7 @@ impl GpuBackend {
             let Some(resident) = residents.get_mut(slot) else { continue };
             let Some(mut job) = resident.job.take() else { continue };
             let first_result = parts[place].edits.start;
-            planner.part(slot, resident, &mut job, &part, first_result);
+            planner.part(slot, resident, &mut job, &part, first_result, place as u32);
             flown.insert(place, job.flown(&part));
             cycles[place] = job.cycles();
             moving.extend(job.take_moving(&part, first_result));

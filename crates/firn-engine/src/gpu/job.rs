@@ -55,6 +55,7 @@ enum Stage {
     /// What the host writes.
     Write,
     Snow,
+    Weather,
     Objects,
     /// Contacts and stresses after a round of edits.
     TouchAfterEdits,
@@ -170,6 +171,7 @@ impl Job {
     fn begin_round(&mut self) {
         let stage = match self.round().first() {
             Some((_, Edit::Restore(_) | Edit::SetGround(_))) => Stage::Write,
+            Some((_, Edit::Weather(_))) => Stage::Weather,
             Some(_) => Stage::Snow,
             None => Stage::Weigh,
         };
@@ -192,6 +194,7 @@ impl Job {
             part.work.publish = self.work.publish;
             part.work.tally = self.work.tally;
             part.work.samples = std::mem::take(&mut self.work.samples);
+            part.work.totals = std::mem::take(&mut self.work.totals);
         }
         part
     }
@@ -211,6 +214,7 @@ impl Job {
             let last_change = part.done + outcome.last_change;
             self.outcome.last_change = self.outcome.last_change.max(last_change);
         }
+        self.outcome.exchanged.add(outcome.exchanged);
         self.outcome.gathered.extend(outcome.gathered);
         self.outcome.columns.extend(outcome.columns);
         if part.unfinished {
@@ -224,6 +228,7 @@ impl Job {
             last_change: self.outcome.last_change,
             gathered,
             columns: std::mem::take(&mut self.outcome.columns),
+            exchanged: self.outcome.exchanged,
             ..outcome
         }
     }

@@ -1,79 +1,10 @@
 //! The compute kernels: one table declares each one's source and what it binds.
 
+mod resource;
+
 use super::layout::Pass;
 
-/// A buffer that kernels bind, named as in their source.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Resource {
-    /// Constants of each snowpack.
-    Sessions,
-    /// What each snowpack does in this frame.
-    Runs,
-    /// Sums over each snowpack in this frame.
-    Tallies,
-    /// Where each tile is.
-    Tiles,
-    /// Flags of each tile.
-    States,
-    /// Height of each column.
-    Heights,
-    /// Slots filled in each column.
-    Filled,
-    /// Ground elevation of each column.
-    Ground,
-    /// Where each page's part of the list of due tiles begins.
-    PageStarts,
-    /// Due tiles, page by page, and behind them the lists written by the host.
-    Due,
-    /// Objects of this frame.
-    Colliders,
-    /// Spans of columns under the objects.
-    Spans,
-    /// How high undersides that are not flat are over those columns.
-    Lifts,
-    /// How each object touches the snow.
-    Contacts,
-    /// Tiles whose stress is to be evaluated.
-    LoadJobs,
-    /// Objects on those tiles.
-    Loads,
-    /// Tiles on which snow falls or is cleared.
-    EditJobs,
-    /// What falls or is cleared.
-    Operations,
-    /// Which of it touches each of those tiles.
-    OperationLists,
-    /// Loads that press columns at once.
-    Stamps,
-    /// How much of each column they cover.
-    Shares,
-    /// What was refused or cleared, or how deep the dents are.
-    OperationResults,
-    /// Columns that are to be read, all of them equally deep.
-    ColumnJobs,
-    /// Which columns those are.
-    ColumnLists,
-    /// Cells of the columns that are read.
-    ColumnCells,
-    /// Boxes of the fixed grid that are asked for.
-    SampleJobs,
-    /// Cells of the fixed grid.
-    Samples,
-    /// Number of tiles packed for publication.
-    PackedCount,
-    /// Which tiles are packed, 64 at a time.
-    PackedGroups,
-    /// Heights of the tiles packed for publication.
-    Packed,
-    /// Mass of each cell of a page.
-    Mass,
-    /// Thickness of each cell of a page.
-    Thickness,
-    /// Temperature of each cell of a page.
-    Temperature,
-    /// Stress of each cell of a page.
-    Stress,
-}
+pub use resource::Resource;
 
 /// How a kernel uses a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,24 +59,35 @@ pub enum KernelId {
     Columns,
     /// Samples the fixed grid.
     Sample,
+    /// Takes steps of weather.
+    Weather,
+    /// Finds the columns that see the sun.
+    Sweep,
+    /// Finds the part of the short wave that falls on each column.
+    Shade,
+    /// Sums up columns of alpine snow.
+    Totals,
 }
 
 const LAYOUT: &str = include_str!("../../../../shaders/shared/layout.wgsl");
 const MATERIAL: &str = include_str!("../../../../shaders/shared/material.wgsl");
+const WET: &str = include_str!("../../../../shaders/shared/wet.wgsl");
+const ALPINE: &str = include_str!("../../../../shaders/shared/alpine.wgsl");
 const ELEVATION: &str = include_str!("../../../../shaders/shared/elevation.wgsl");
 const LOAD: &str = include_str!("../../../../shaders/shared/load.wgsl");
 const WIDE: &str = include_str!("../../../../shaders/shared/wide.wgsl");
+const RELIEF: &str = include_str!("../../../../shaders/weather/relief.wgsl");
 const RECUT: &str = include_str!("../../../../shaders/snowfall/recut.wgsl");
 
 use Access::{Read, Write};
 use Resource::*;
 
 /// All kernels, in the order of [`KernelId`].
-pub const KERNELS: [Kernel; 11] = [
+pub const KERNELS: [Kernel; 15] = [
     Kernel {
         name: "snowfall",
         entry_point: "snowfall",
-        source: &[LAYOUT, WIDE, RECUT, include_str!("../../../../shaders/snowfall.wgsl")],
+        source: &[LAYOUT, WIDE, WET, RECUT, include_str!("../../../../shaders/snowfall.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Tiles, Read),
@@ -165,7 +107,14 @@ pub const KERNELS: [Kernel; 11] = [
     Kernel {
         name: "stamp",
         entry_point: "stamp",
-        source: &[LAYOUT, MATERIAL, LOAD, include_str!("../../../../shaders/stamp.wgsl")],
+        source: &[
+            LAYOUT,
+            MATERIAL,
+            WET,
+            ALPINE,
+            LOAD,
+            include_str!("../../../../shaders/stamp.wgsl"),
+        ],
         bindings: &[
             (Sessions, Read),
             (Tiles, Read),
@@ -248,7 +197,7 @@ pub const KERNELS: [Kernel; 11] = [
     Kernel {
         name: "press",
         entry_point: "press",
-        source: &[LAYOUT, MATERIAL, include_str!("../../../../shaders/press.wgsl")],
+        source: &[LAYOUT, MATERIAL, WET, ALPINE, include_str!("../../../../shaders/press.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Runs, Read),
@@ -304,7 +253,14 @@ pub const KERNELS: [Kernel; 11] = [
     Kernel {
         name: "sample",
         entry_point: "sample",
-        source: &[LAYOUT, ELEVATION, MATERIAL, include_str!("../../../../shaders/sample.wgsl")],
+        source: &[
+            LAYOUT,
+            ELEVATION,
+            MATERIAL,
+            WET,
+            ALPINE,
+            include_str!("../../../../shaders/sample.wgsl"),
+        ],
         bindings: &[
             (Sessions, Read),
             (Tiles, Read),
@@ -318,7 +274,69 @@ pub const KERNELS: [Kernel; 11] = [
             (Stress, Read),
         ],
     },
+    Kernel {
+        name: "weather",
+        entry_point: "weather",
+        source: &[
+            LAYOUT,
+            include_str!("../../../../shaders/weather/cell.wgsl"),
+            include_str!("../../../../shaders/weather/column.wgsl"),
+            include_str!("../../../../shaders/weather/conduction.wgsl"),
+            include_str!("../../../../shaders/weather/skin.wgsl"),
+            include_str!("../../../../shaders/weather/descent.wgsl"),
+            include_str!("../../../../shaders/weather/housekeeping.wgsl"),
+            include_str!("../../../../shaders/weather.wgsl"),
+        ],
+        bindings: &[
+            (Sessions, Read),
+            (Tiles, Read),
+            (States, Write),
+            (Heights, Write),
+            (Filled, Write),
+            (WeatherJobs, Read),
+            (WeatherSteps, Read),
+            (Shelters, Read),
+            (Exchanges, Write),
+            (Shine, Read),
+            (Mass, Write),
+            (Thickness, Write),
+            (Temperature, Write),
+            (Stress, Write),
+        ],
+    },
+    Kernel {
+        name: "sweep",
+        entry_point: "sweep",
+        source: &[LAYOUT, RELIEF, include_str!("../../../../shaders/sweep.wgsl")],
+        bindings: LIT,
+    },
+    Kernel {
+        name: "shade",
+        entry_point: "shade",
+        source: &[LAYOUT, RELIEF, include_str!("../../../../shaders/shade.wgsl")],
+        bindings: LIT,
+    },
+    Kernel {
+        name: "totals",
+        entry_point: "totals",
+        source: &[LAYOUT, include_str!("../../../../shaders/totals.wgsl")],
+        bindings: &[
+            (Sessions, Read),
+            (Tiles, Read),
+            (Filled, Read),
+            (SampleJobs, Read),
+            (ColumnTotals, Write),
+            (Mass, Read),
+            (Thickness, Read),
+            (Temperature, Read),
+            (Stress, Read),
+        ],
+    },
 ];
+
+/// What `sweep` and `shade` bind.
+const LIT: &[(Resource, Access)] =
+    &[(Sessions, Read), (Heights, Read), (Ground, Read), (ShadeJobs, Read), (Shine, Write)];
 
 /// A kernel made ready for a device.
 #[derive(Debug)]

@@ -1,8 +1,14 @@
 //! The tables that host and kernels share, as `shaders/shared/layout.wgsl` declares them.
 
 mod convert;
+mod weather;
 
 use bytemuck::{Pod, Zeroable};
+
+pub use weather::{
+    ALONG_X, ColumnTotals, ExchangeResult, SURFACE_ROWS, SWEEPS_BACK, ShadeJob, Shelter,
+    WeatherJob, WeatherStep, surface_of, words_of,
+};
 
 /// `Run.flags`: all tiles are to be woken.
 pub const WAKE: u32 = 1;

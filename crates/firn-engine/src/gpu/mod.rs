@@ -189,7 +189,7 @@ impl Backend for GpuBackend {
             return Err(EngineError::DeviceFailed("a snowpack was made for another".to_owned()));
         };
         let scope = self.device.scope();
-        let lot = self.arena.take(&self.device, slot, &layout.grid)?;
+        let lot = self.arena.take(&self.device, slot, &layout)?;
         let unfurnished = self.arena.begin_to_furnish(&lot);
         let units = self.arena.units_to_furnish(&lot, &unfurnished);
         let mut resident = Resident::new(lot, layout, unfurnished);

@@ -6,10 +6,13 @@ use bytemuck::Pod;
 use super::buffer::{Mail, Table};
 use super::device::Device;
 use super::kernels::Resource;
-use super::layout::{Collider, ColumnJob, EditJob, LoadJob, Operation, SampleJob, Stamp};
+use super::layout::{
+    Collider, ColumnJob, EditJob, LoadJob, Operation, SampleJob, ShadeJob, Shelter, Stamp,
+    WeatherJob, WeatherStep,
+};
 use super::sections::{Sections, pieces};
 
-const SECTIONS: usize = 13;
+const SECTIONS: usize = 17;
 
 /// The rows of the submit that is being made.
 #[derive(Debug)]
@@ -40,6 +43,14 @@ pub struct Orders {
     pub stamps: Rows<Stamp>,
     /// How much of each column they cover.
     pub shares: Rows<u32>,
+    /// Snowpacks that take steps of weather, and on which tiles.
+    pub weather_jobs: Rows<WeatherJob>,
+    /// Those steps.
+    pub weather_steps: Rows<WeatherStep>,
+    /// Tiles with columns on which no snow falls because of objects.
+    pub shelters: Rows<Shelter>,
+    /// Snowpacks on each column of which another part of the short wave falls.
+    pub shade_jobs: Rows<ShadeJob>,
     sections: Sections<SECTIONS>,
     /// The buffer as the device has it.
     image: Vec<u8>,
@@ -88,6 +99,10 @@ impl Orders {
             column_lists: Rows(Vec::new()),
             stamps: Rows(Vec::new()),
             shares: Rows(Vec::new()),
+            weather_jobs: Rows(Vec::new()),
+            weather_steps: Rows(Vec::new()),
+            shelters: Rows(Vec::new()),
+            shade_jobs: Rows(Vec::new()),
             sections: Sections::new(table),
             image: Vec::new(),
         }
@@ -109,6 +124,10 @@ impl Orders {
             Resource::Lifts => 10,
             Resource::Stamps => 11,
             Resource::Shares => 12,
+            Resource::WeatherJobs => 13,
+            Resource::WeatherSteps => 14,
+            Resource::Shelters => 15,
+            Resource::ShadeJobs => 16,
             _ => return None,
         };
         Some(self.sections.binding(section))
@@ -131,6 +150,10 @@ impl Orders {
             self.lifts.bytes(),
             self.stamps.bytes(),
             self.shares.bytes(),
+            self.weather_jobs.bytes(),
+            self.weather_steps.bytes(),
+            self.shelters.bytes(),
+            self.shade_jobs.bytes(),
         ];
         let sizes = bytes.map(|bytes| bytes.len() as u64);
         let replaced = self.sections.reserve(device, sizes);
@@ -164,6 +187,10 @@ impl Orders {
         self.lifts.0.clear();
         self.stamps.0.clear();
         self.shares.0.clear();
+        self.weather_jobs.0.clear();
+        self.weather_steps.0.clear();
+        self.shelters.0.clear();
+        self.shade_jobs.0.clear();
         replaced
     }
 }

@@ -6,6 +6,7 @@ mod moves;
 mod objects;
 mod reports;
 mod runs;
+mod weather;
 
 pub use moves::Moving;
 pub use runs::FEW_TILES;
@@ -59,6 +60,8 @@ pub struct Planner<'a> {
 pub struct Round {
     /// The snowpack.
     pub slot: Slot,
+    /// Its place among the work.
+    pub place: u32,
     /// The edits, each with its row in the table of results.
     pub edits: Vec<(u32, Edit)>,
     /// Whether cycles follow them, with no edits in between.

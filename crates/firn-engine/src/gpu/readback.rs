@@ -14,8 +14,7 @@ use super::arena::Arena;
 use super::buffer::Table;
 use super::device::Device;
 use super::mapped::Mapped;
-use super::pages::Place;
-use super::report::{Awake, Copies, Reader, Reports};
+use super::report::{Awake, Copies, Reader, Reports, WantedTile};
 use super::results::Section;
 use super::survey::Totals;
 use super::tables::{PACKED_BYTES, Tables};
@@ -167,22 +166,22 @@ impl Readback {
         &mut self,
         device: &Device,
         arena: &Arena,
-        wanted: &[(Place, u32)],
+        wanted: &[WantedTile],
     ) -> Result<Vec<TileCells>, EngineError> {
         let mut found = Vec::with_capacity(wanted.len());
         let mut left = wanted;
-        while let Some((_, height)) = left.first() {
-            let most = (CELLS_AT_ONCE / (4 * cells_bytes(*height))).max(1) as usize;
+        while let Some(first) = left.first() {
+            let (rows, plane) = (first.rows(), cells_bytes(first.rows()));
+            let most = (CELLS_AT_ONCE / (4 * plane)).max(1) as usize;
             // Tiles of one snowpack are equally high; another's may be higher.
-            let alike = left.iter().take(most).take_while(|(_, h)| h == height).count();
+            let alike = left.iter().take(most).take_while(|tile| tile.rows() == rows).count();
             let (portion, rest) = left.split_at(alike);
             left = rest;
-            let plane = cells_bytes(*height);
             let bytes = plane * 4 * portion.len() as u64;
             self.reserve(device, bytes);
             let mut encoder = device.device.create_command_encoder(&Default::default());
             let mut offset = 0;
-            for (place, _) in portion {
+            for WantedTile { place, .. } in portion {
                 let page = arena.pages.get(place.page).ok_or_else(unreadable)?;
                 let first = u64::from(place.row) * u64::from(TILE_COLUMNS) * 4;
                 for cells in &page.cells {
@@ -193,13 +192,7 @@ impl Readback {
             }
             let mapped = self.fetch_now(device, encoder, bytes)?;
             let mut reader = Reader(mapped.bytes());
-            found.extend(portion.iter().map(|_| TileCells {
-                mass: reader.rows(plane / 4),
-                thickness: reader.rows(plane / 4),
-                temperature: reader.rows(plane / 4),
-                stress: reader.rows(plane / 4),
-                surfaces: Vec::new(),
-            }));
+            found.extend(portion.iter().map(|tile| tile.read(&mut reader)));
         }
         Ok(found)
     }

@@ -5,13 +5,14 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bytemuck::Pod;
-use firn_snow::{Column, Exchanged, Sample};
+use firn_snow::alpine::Surface;
+use firn_snow::{Column, ColumnRect, Exchanged, Sample, TILE_COLUMNS};
 
-use crate::frame::{ColumnRead, Outcome, SampleBox, Slot, Work, WorkOutcome};
+use crate::frame::{ColumnRead, Outcome, SampleBox, Slot, TileCells, Work, WorkOutcome};
 use crate::parallel;
 use crate::published::Group;
 
-use super::layout::{self, join};
+use super::layout::{self, SURFACE_ROWS, join, surface_of};
 use super::pages::Place;
 use super::plan::FEW_TILES;
 use super::resident::Residents;
@@ -36,6 +37,7 @@ pub struct Copies {
     pub groups: Range<u32>,
     column_cells: u64,
     samples: u64,
+    columns: u64,
 }
 
 /// What the snowpacks of a frame find in its results.
@@ -43,8 +45,46 @@ pub struct Copies {
 pub struct Reports {
     /// That of each.
     pub work: Vec<Report>,
-    /// Tiles whose cells are wanted, and how many slots they have.
-    pub cells: Vec<(Place, u32)>,
+    /// Tiles whose cells are wanted.
+    pub cells: Vec<WantedTile>,
+}
+
+/// A tile whose cells are wanted.
+#[derive(Clone, Copy, Debug)]
+pub struct WantedTile {
+    /// Where it is.
+    pub place: Place,
+    /// Slots of its columns.
+    pub slots: u32,
+    /// What a column has beside its cells before its first step, where the snow is alpine.
+    pub beginning: Option<Surface>,
+}
+
+impl WantedTile {
+    /// Rows that are read of it: its slots, and what its columns have beside their cells.
+    pub fn rows(&self) -> u32 {
+        self.slots + if self.beginning.is_some() { SURFACE_ROWS } else { 0 }
+    }
+
+    /// Takes its cells off the front of bytes.
+    pub fn read(&self, reader: &mut Reader<'_>) -> TileCells {
+        const COLUMNS: usize = TILE_COLUMNS as usize;
+        let cells = self.slots as usize * COLUMNS;
+        let planes: [&[u32]; 4] =
+            std::array::from_fn(|_| reader.slice(u64::from(self.rows() * TILE_COLUMNS)));
+        let surface = |beginning: Surface| {
+            let word = |column: usize, i: usize| planes[i % 4][cells + i / 4 * COLUMNS + column];
+            let words = |column: usize| std::array::from_fn(|i| word(column, i));
+            (0..COLUMNS).map(|column| surface_of(words(column)).unwrap_or(beginning)).collect()
+        };
+        TileCells {
+            mass: planes[0][..cells].to_vec(),
+            thickness: planes[1][..cells].to_vec(),
+            temperature: bytemuck::cast_slice(&planes[2][..cells]).to_vec(),
+            stress: bytemuck::cast_slice(&planes[3][..cells]).to_vec(),
+            surfaces: self.beginning.map(surface).unwrap_or_default(),
+        }
+    }
 }
 
 /// What one snowpack finds in the results.
@@ -61,18 +101,26 @@ pub struct Report {
     /// Cells of the columns that are read, and how many of them each column has.
     columns: Vec<(Range<u64>, u32)>,
     samples: Vec<Range<u64>>,
+    /// Columns that are summed up, and what one has before its first step.
+    totals: Vec<Range<u64>>,
+    beginning: Option<Surface>,
 }
 
 impl Reports {
     /// What the work of a frame reports, the parts of which have been surveyed.
     pub fn new(work: &[Work], parts: Vec<Part>, residents: &Residents) -> Reports {
         let mut reports = Reports { work: Vec::with_capacity(work.len()), cells: Vec::new() };
-        let (mut cells, mut samples) = (0, 0);
+        let (mut cells, mut samples, mut columns) = (0, 0, 0);
         for (work, part) in work.iter().zip(parts) {
             let mut sample = |wanted: &SampleBox| {
                 let first = samples;
                 samples += wanted.cells();
                 first..samples
+            };
+            let mut sum_up = |wanted: &ColumnRect| {
+                let first = columns;
+                columns += wanted.columns();
+                first..columns
             };
             let mut read = |wanted: &ColumnRead| {
                 let first = cells;
@@ -87,16 +135,25 @@ impl Reports {
                 gathered: work.gather.len(),
                 columns: work.columns.iter().map(&mut read).collect(),
                 samples: work.samples.iter().map(&mut sample).collect(),
+                totals: work.totals.iter().map(&mut sum_up).collect(),
+                beginning: None,
             };
             // Of thousands that only tick or publish, none is looked at.
-            let touched = (work.publish && part.may_be_loaded) || !work.gather.is_empty();
+            let touched = (work.publish && part.may_be_loaded)
+                || !work.gather.is_empty()
+                || !work.totals.is_empty();
             if touched && let Some(resident) = residents.get(work.slot) {
                 if work.publish {
                     let bodies = resident.bodies.iter();
                     report.contacts = bodies.map(|(id, body)| (id.clone(), body.contact)).collect();
                 }
-                let places = work.gather.iter().map(|&tile| resident.lot.places[tile as usize]);
-                reports.cells.extend(places.map(|place| (place, resident.lot.height)));
+                report.beginning = resident.layout.surface;
+                let wanted = |&tile: &u32| WantedTile {
+                    place: resident.lot.places[tile as usize],
+                    slots: resident.row.height,
+                    beginning: resident.layout.surface,
+                };
+                reports.cells.extend(work.gather.iter().map(wanted));
             }
             reports.work.push(report);
         }
@@ -132,11 +189,6 @@ impl<'a> Reader<'a> {
         self.0 = rest;
         bytemuck::cast_slice(rows)
     }
-
-    /// A copy of a number of rows.
-    pub fn rows<T: Pod>(&mut self, count: u64) -> Vec<T> {
-        self.slice(count).to_vec()
-    }
 }
 
 impl Copies {
@@ -152,6 +204,7 @@ impl Copies {
             groups: totals.groups,
             column_cells: totals.column_cells,
             samples: totals.samples,
+            columns: totals.columns,
         }
     }
 
@@ -167,6 +220,7 @@ impl Copies {
             (tables.contacts.buffer(), rows::<layout::Contact>(self.contacts)),
             (tables.column_cells.buffer(), rows::<layout::ColumnCell>(self.column_cells)),
             (tables.samples.buffer(), rows::<Sample>(self.samples)),
+            (tables.column_totals.buffer(), rows::<layout::ColumnTotals>(self.columns)),
         ];
         let results = self.results.pieces().map(|piece| (tables.results.buffer(), piece));
         results.chain(others).filter(|(_, bytes)| !bytes.is_empty())
@@ -190,12 +244,19 @@ impl Copies {
         let contacts: &[layout::Contact] = reader.slice(self.contacts);
         let cells: &[layout::ColumnCell] = reader.slice(self.column_cells);
         let samples: &[Sample] = reader.slice(self.samples);
-        let of = |(work, tally): (&Report, &layout::Tally)| {
+        let totals: &[layout::ColumnTotals] = reader.slice(self.columns);
+        let exchanges: &[layout::ExchangeResult] =
+            bytemuck::cast_slice(section(Section::Exchanges));
+        let of = |((work, tally), place): ((&Report, &layout::Tally), usize)| {
             let contact =
                 |(id, row): &(Arc<str>, u32)| (id.clone(), contacts[*row as usize].into());
             let edits = &operations[work.edits.start as usize..work.edits.end as usize];
             let sample =
                 |range: &Range<u64>| samples[range.start as usize..range.end as usize].to_vec();
+            let sum_up = |range: &Range<u64>| {
+                let rows = totals[range.start as usize..range.end as usize].iter();
+                rows.filter_map(|row| Some(row.told(work.beginning?))).collect()
+            };
             let read = |(range, each): &(Range<u64>, u32)| {
                 let cells = &cells[range.start as usize..range.end as usize];
                 cells.chunks_exact(*each as usize).map(column).collect()
@@ -213,11 +274,11 @@ impl Copies {
                 gathered: Vec::new(),
                 columns: work.columns.iter().map(read).collect(),
                 samples: work.samples.iter().map(sample).collect(),
-                totals: Vec::new(),
-                exchanged: Exchanged::default(),
+                totals: work.totals.iter().map(sum_up).collect(),
+                exchanged: exchanges.get(place).map(Exchanged::from).unwrap_or_default(),
             }
         };
-        let work = parallel::each(reports.work.iter().zip(tallies).collect(), of);
+        let work = parallel::each(reports.work.iter().zip(tallies).zip(0..).collect(), of);
         let outcome = Outcome { work, ..Outcome::default() };
         let group = |row: &layout::PackedGroup| Group {
             changed: join(row.changed_low, row.changed_high),

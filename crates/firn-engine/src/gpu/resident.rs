@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use firn_snow::{Cover, GRAVITY, Grid};
+use firn_snow::{Cover, Elevation, GRAVITY, Grid};
 
 use crate::frame::{Edit, Layout, Placement, Slot};
 
@@ -49,6 +49,8 @@ pub struct Resident {
     pub lot: Lot,
     /// What it was made with, material and ground as they are now.
     pub layout: Layout,
+    /// The lowest ground.
+    pub lowest: Elevation,
     /// Its row of constants.
     pub row: layout::Session,
     /// Objects on it; loads add up in the order of their ids.
@@ -107,6 +109,7 @@ impl Resident {
         let row = layout::Session::new(&layout, lot.tiles.start);
         Resident {
             lot,
+            lowest: lowest(&layout.grid, &layout.ground),
             layout,
             row,
             bodies: BTreeMap::new(),
@@ -119,12 +122,25 @@ impl Resident {
         }
     }
 
+    /// Whether its snow is alpine: it does not creep under its weight from cycle to cycle.
+    pub fn is_alpine(&self) -> bool {
+        self.layout.surface.is_some()
+    }
+
     /// Notes that some tiles may wake.
     pub fn wake(&mut self, tiles: impl ExactSizeIterator<Item = u32>) {
         if tiles.len() == self.lot.places.len() {
             self.awake = None;
         } else if let Some(awake) = &mut self.awake {
             awake.extend(tiles);
+        }
+    }
+
+    /// Notes that the stress of all its snow is another, and that no cycle changes what is under no object.
+    pub fn note_weather(&mut self) {
+        let tiles = self.lot.places.len();
+        if self.unweighed.len() < tiles {
+            self.unweighed = (0..tiles as u32).collect();
         }
     }
 
@@ -207,6 +223,12 @@ impl Resident {
     }
 }
 
+/// The lowest of some elevations \[m\]; level ground is at 0.
+pub fn lowest(grid: &Grid, ground: &[f64]) -> Elevation {
+    let lowest = ground.iter().copied().reduce(f64::min).unwrap_or(0.0);
+    Elevation::new(grid, lowest)
+}
+
 /// Most rows that one round may fill in the table of lists, for all snowpacks together. The table has to fit
 /// into one binding.
 pub const LARGEST_ROUND: u64 = 1 << 22;
@@ -219,16 +241,20 @@ pub fn rounds(edits: Vec<(u32, Edit)>) -> Vec<(Vec<(u32, Edit)>, u64)> {
     let mut rounds: Vec<(Vec<(u32, Edit)>, u64)> = Vec::new();
     let mut last = 0;
     for (number, edit) in edits {
-        let rows = edit.columns().map_or(0, |columns| columns.tiles().columns());
+        let listed = edit.columns().filter(|_| !matches!(edit, Edit::Weather(_)));
+        let rows = listed.map_or(0, |columns| columns.tiles().columns());
         let phase = match &edit {
             Edit::Deposit(_) | Edit::Lay(_) | Edit::Clear { .. } | Edit::Strip { .. } => 0,
             Edit::Stamp(_) => 1,
-            _ => 2,
+            Edit::Weather(_) => 2,
+            _ => 3,
         };
         let written = matches!(edit, Edit::Restore(_) | Edit::SetGround(_));
-        let begins = rounds
-            .last()
-            .is_none_or(|(_, filled)| phase < last || written || filled + rows > LARGEST_ROUND);
+        // Steps of weather have rounds of their own.
+        let changes = (phase == 2) != (last == 2);
+        let begins = rounds.last().is_none_or(|(_, filled)| {
+            phase < last || changes || written || filled + rows > LARGEST_ROUND
+        });
         last = phase;
         if begins {
             rounds.push((Vec::new(), 0));

@@ -11,12 +11,14 @@ use super::sections::{Sections, pieces};
 use super::survey::Totals;
 use super::tables::PACKED_BYTES;
 
-/// A section of the buffer. Those that kernels add to come first, and in front of them the one that
+/// A section of the buffer. Those that kernels add to come first, and in front of them those that
 /// few frames have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Section {
     /// What each operation refused or cleared.
     Operations,
+    /// What snowpacks exchange with the weather.
+    Exchanges,
     /// Number of packed tiles.
     PackedCount,
     /// Sums over each snowpack.
@@ -27,10 +29,10 @@ pub enum Section {
     Packed,
 }
 
-const SECTIONS: usize = 5;
+const SECTIONS: usize = 6;
 
 /// Sections that are added to.
-const SUMS: usize = 3;
+const SUMS: usize = 4;
 
 /// The buffer. All sums in it are 0 between frames.
 #[derive(Debug)]
@@ -60,6 +62,7 @@ impl Results {
     pub fn binding(&self, resource: Resource) -> Option<wgpu::BindingResource<'_>> {
         let section = match resource {
             Resource::OperationResults => Section::Operations,
+            Resource::Exchanges => Section::Exchanges,
             Resource::PackedCount => Section::PackedCount,
             Resource::Tallies => Section::Tallies,
             Resource::PackedGroups => Section::PackedGroups,
@@ -115,6 +118,7 @@ fn sizes(totals: &Totals, packed: u64) -> [u64; SECTIONS] {
     }
     [
         bytes::<layout::OperationResult>(totals.edits.into()),
+        bytes::<layout::ExchangeResult>(if totals.weathers { totals.work } else { 0 }),
         bytes::<u32>(1),
         bytes::<layout::Tally>(totals.work),
         bytes::<layout::PackedGroup>(totals.groups.len() as u64),
@@ -128,7 +132,7 @@ mod tests {
 
     #[test]
     fn what_is_near_is_one_piece() {
-        let extent = Extent([0..0, 256..260, 512..5000, 8960..9060, 40_960..50_960]);
+        let extent = Extent([0..0, 0..0, 256..260, 512..5000, 8960..9060, 40_960..50_960]);
         let pieces: Vec<_> = extent.pieces().collect();
         assert_eq!(pieces, [256..9216, 40_960..51_200]);
         assert_eq!(extent.place(Section::Operations), 0..0);

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use firn_snow::ColumnRect;
+
 use crate::frame::{ColumnRead, Edit, EngineError, Frame, Moves, Run, SampleBox, Work};
 use crate::parallel;
 
@@ -46,6 +48,8 @@ pub struct Totals {
     pub work: u64,
     /// Edits.
     pub edits: u32,
+    /// Whether a snowpack takes steps of weather.
+    pub weathers: bool,
     /// Whether all tiles of a snowpack are to be woken.
     pub wakes: bool,
     /// Most cycles of a snowpack.
@@ -60,6 +64,8 @@ pub struct Totals {
     pub column_cells: u64,
     /// Cells of the fixed grid.
     pub samples: u64,
+    /// Columns that are summed up.
+    pub columns: u64,
     /// Whether masses are to be summed.
     pub tally: bool,
     /// Whether objects may have to be reported.
@@ -70,17 +76,22 @@ pub struct Totals {
 struct Found {
     loaded: bool,
     unweighed: bool,
+    creeps: bool,
 }
 
 impl Found {
     fn new(resident: &Resident) -> Found {
-        Found { loaded: !resident.bodies.is_empty(), unweighed: !resident.unweighed.is_empty() }
+        Found {
+            loaded: !resident.bodies.is_empty(),
+            unweighed: !resident.unweighed.is_empty(),
+            creeps: !resident.is_alpine(),
+        }
     }
 }
 
-/// Whether cycles are run, or cells are read with their stresses.
-fn needs_stress(work: &Work) -> bool {
-    work.run.cycles > 0 || work.reads_cells()
+/// Whether cycles are run on snow that creeps under its stress, or cells are read with their stresses.
+fn needs_stress(work: &Work, creeps: bool) -> bool {
+    creeps && work.run.cycles > 0 || work.reads_cells()
 }
 
 /// Edits of some moves.
@@ -119,8 +130,9 @@ impl Survey {
         totals.wakes |= work.wake;
         totals.tally |= work.tally;
         let edited = !work.edits.is_empty();
+        totals.weathers |= work.edits.iter().any(|edit| matches!(edit, Edit::Weather(_)));
         let may_be_loaded = found.loaded || edited;
-        let weighs = (found.unweighed || edited) && needs_stress(work);
+        let weighs = (found.unweighed || edited) && needs_stress(work, found.creeps);
         if work.publish {
             let own = tiles.start / 64..tiles.end.div_ceil(64);
             totals.groups = match &totals.groups {
@@ -131,6 +143,7 @@ impl Survey {
             totals.contacts |= may_be_loaded;
         }
         totals.column_cells += work.columns.iter().map(ColumnRead::cells).sum::<u64>();
+        totals.columns += work.totals.iter().map(ColumnRect::columns).sum::<u64>();
         totals.samples += work.samples.iter().map(SampleBox::cells).sum::<u64>();
         if !work.moves.is_empty() {
             let (run, moves) = (std::mem::take(&mut work.run), std::mem::take(&mut work.moves));
@@ -152,6 +165,7 @@ impl Survey {
 
     /// Takes the edits of one snowpack, the first of which has a number.
     fn take_edits(&mut self, work: &mut Work, number: u32) {
+        let place = self.parts.len() as u32 - 1;
         let edits: Vec<(u32, Edit)> = (number..).zip(std::mem::take(&mut work.edits)).collect();
         let mut next = 0;
         let mut rounds = resident::rounds(edits).into_iter().peekable();
@@ -164,7 +178,7 @@ impl Survey {
                 self.rows.push(0);
             }
             let runs = work.run.cycles > 0 && rounds.peek().is_none();
-            self.rounds[next].push(Round { slot: work.slot, edits, runs });
+            self.rounds[next].push(Round { slot: work.slot, place, edits, runs });
             self.rows[next] += rows;
             next += 1;
         }

@@ -41,6 +41,10 @@ pub struct Tables {
     pub column_cells: Table,
     /// Cells of the fixed grid.
     pub samples: Table,
+    /// Part of the short wave that falls on each column of the snowpacks that shade.
+    shine: Table,
+    /// Columns that are summed up.
+    pub column_totals: Table,
     /// What frames leave for the host.
     pub results: Results,
     /// What the host says in the next submit.
@@ -68,6 +72,8 @@ impl Tables {
             orders: Orders::new(table("orders", Usage::empty())),
             column_cells: table("column cells", Usage::empty()),
             samples: table("samples", Usage::empty()),
+            shine: table("shine", Usage::empty()),
+            column_totals: table("column totals", Usage::empty()),
             results: Results::new(table("results", Usage::empty())),
             mail: Mail::new(device),
             bindings: HashMap::new(),
@@ -135,12 +141,21 @@ impl Tables {
     pub fn reserve_results(&mut self, device: &Device, totals: &Totals) {
         let samples = totals.samples * std::mem::size_of::<Sample>() as u64;
         let cells = totals.column_cells * std::mem::size_of::<layout::ColumnCell>() as u64;
+        let columns = totals.columns * std::mem::size_of::<layout::ColumnTotals>() as u64;
         let grew = [
             self.results.reserve(device, totals),
             self.samples.reserve(&device.device, samples),
             self.column_cells.reserve(&device.device, cells),
+            self.column_totals.reserve(&device.device, columns),
         ];
         if grew.contains(&true) {
+            self.bindings.clear();
+        }
+    }
+
+    /// Makes room for the parts of the short wave that fall on so many columns.
+    pub fn reserve_shine(&mut self, device: &Device, columns: u32) {
+        if self.shine.reserve(&device.device, u64::from(columns) * 4) {
             self.bindings.clear();
         }
     }
@@ -214,6 +229,8 @@ impl Tables {
             Resource::Contacts => self.contacts.buffer(),
             Resource::ColumnCells => self.column_cells.buffer(),
             Resource::Samples => self.samples.buffer(),
+            Resource::ColumnTotals => self.column_totals.buffer(),
+            Resource::Shine => self.shine.buffer(),
             Resource::Mass => cells(0),
             Resource::Thickness => cells(1),
             Resource::Temperature => cells(2),

@@ -1,6 +1,8 @@
 //! How much of the short wave on level ground falls on each column: its surface is tilted, and terrain or snow may
 //! stand between it and the sun.
 
+use std::ops::Range;
+
 use super::weather_step::WeatherStep;
 
 /// Largest part of the direct light on level ground that falls on a slope: where the sun is low, slopes see far more.
@@ -18,30 +20,44 @@ pub struct Relief {
 /// How the grid is swept away from the sun, line by line. All lines go along x or z, whichever is nearer to the sun's
 /// direction, and shift sideways on their way.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Sweep {
+pub struct Sweep {
     /// Lines go along x rather than z.
-    along_x: bool,
+    pub along_x: bool,
     /// They begin at the far end.
-    backwards: bool,
+    pub backwards: bool,
     /// Sideways shift in a column, times 2¹⁶.
-    shift: i32,
+    pub shift: i32,
     /// Cells by which shadow sinks in a column.
-    sinks: f32,
+    pub sinks: f32,
 }
 
 impl Sweep {
-    fn new(sun: [f32; 3]) -> Sweep {
+    /// That of a sun in some direction: east, up, north.
+    pub fn new(sun: [f32; 3]) -> Sweep {
         let [east, up, north] = sun;
         let along_x = east.abs() > north.abs();
         let (main, side) = if along_x { (east, north) } else { (north, east) };
-        let across = side / main.abs();
+        // Where the sun is overhead, there is no shadow to speak of.
+        let level = main.abs().max(1e-6);
         Sweep {
             along_x,
             // Light travels away from the sun.
             backwards: main > 0.0,
-            shift: (-across * 65_536.0) as i32,
-            sinks: up / main.abs(),
+            shift: (-side / level * 65_536.0) as i32,
+            sinks: up / level,
         }
+    }
+
+    /// Sideways shift of a line after so many columns, rounded.
+    fn shifted(&self, step: u32) -> i32 {
+        (step as i32 * self.shift + 0x8000) >> 16
+    }
+
+    /// The lines that meet a grid of so many columns along x and z.
+    pub fn lines(&self, [width, depth]: [u32; 2]) -> Range<i32> {
+        let (length, breadth) = if self.along_x { (width, depth) } else { (depth, width) };
+        let most = self.shifted(length - 1).abs();
+        -most..breadth as i32 + most
     }
 }
 
@@ -87,17 +103,15 @@ impl Relief {
     fn lit(&self, weather: &WeatherStep) -> Vec<bool> {
         let [width, depth] = self.size;
         let mut lit = vec![weather.diffuse < 1.0; width as usize * depth as usize];
-        if weather.diffuse >= 1.0 || weather.sun[0] == 0.0 && weather.sun[2] == 0.0 {
+        if weather.diffuse >= 1.0 {
             return lit;
         }
         let sweep = Sweep::new(weather.sun);
         let (length, breadth) = if sweep.along_x { (width, depth) } else { (depth, width) };
-        let shifted = |step: u32| (step as i32 * sweep.shift + 0x8000) >> 16;
-        let most = shifted(length - 1);
-        for line in most.min(0).min(-most)..breadth as i32 + most.abs() {
+        for line in sweep.lines(self.size) {
             let mut shadow = f32::MIN;
             for step in 0..length {
-                let side = line + shifted(step);
+                let side = line + sweep.shifted(step);
                 shadow -= sweep.sinks;
                 if side < 0 || side >= breadth as i32 {
                     continue;

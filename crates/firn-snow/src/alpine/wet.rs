@@ -29,10 +29,27 @@ impl Cell {
         self.mass - self.water()
     }
 
-    /// Sets temperature and water. Where there is water, the temperature is 0.
+    /// Sets the temperature \[°C\], at most 0, and the water in quanta, at most the mass. Where there is water, the
+    /// temperature is 0.
     #[inline]
-    pub(super) fn set_heat(&mut self, celsius: f32, water: u32) {
+    pub fn set_heat(&mut self, celsius: f32, water: u32) {
         self.temperature = if water > 0 { f32::from_bits(WET + water) } else { celsius.min(0.0) };
+    }
+
+    /// Cuts it down to a thickness in quanta, at most its own. What is left keeps its part of the mass and of the
+    /// water, both rounded down, and may be without mass; returns the mass that is cut off.
+    pub(crate) fn cut(&mut self, thickness: u32) -> u32 {
+        let part = |quanta: u32| {
+            // A part of a 32-bit number.
+            (u64::from(quanta) * u64::from(thickness) / u64::from(self.thickness)) as u32
+        };
+        let (mass, water) = (part(self.mass), part(self.water()));
+        if self.water() > 0 {
+            self.set_heat(0.0, water);
+        }
+        let cut = self.mass - mass;
+        (self.mass, self.thickness) = (mass, thickness);
+        cut
     }
 
     /// Heat that warms it by 1 K \[J/(m² K)\].
@@ -105,6 +122,24 @@ mod tests {
         let dry = cell(10.0, 4.0, 0.0);
         assert_eq!((dry.celsius(), dry.water()), (0.0, 0));
         assert!(cell(2000.0, 0.0, 2000.0).temperature.is_finite());
+    }
+
+    #[test]
+    fn a_cell_that_is_cut_keeps_its_part_of_the_water() {
+        let cut = |mut cell: Cell, thickness| (cell.cut(thickness), cell);
+        let wet = cell(10.0, 0.0, 3.0);
+        let (mass, left) = cut(wet, wet.thickness / 4 * 3);
+        assert_eq!((mass, left.mass), (10 << 16, 30 << 16));
+        assert_eq!((left.water(), left.celsius(), left.ice()), (9 << 16, 0.0, 21 << 16));
+        let (_, sliver) = cut(cell(10.0, 0.0, 1e-5), wet.thickness / 4);
+        assert_eq!((sliver.water(), sliver.temperature.to_bits()), (0, 0), "less than a quantum");
+        assert_eq!(cut(wet, wet.thickness), (0, wet));
+        assert_eq!(cut(wet, 0).0, wet.mass);
+        for celsius in [-3.7, -0.0] {
+            let dry = Cell { temperature: celsius, ..cell(10.0, 0.0, 0.0) };
+            let (_, left) = cut(dry, dry.thickness / 3);
+            assert_eq!(left.temperature.to_bits(), celsius.to_bits());
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::{Column, SurfaceLoad};
 impl Column {
     /// The column after a number of cycles of `dt` seconds under a load, as under an object that stands on level
     /// snow for that time. Snow that is still settling goes on to do so. The load presses by up to `step` quanta
-    /// in a cycle; without a step the snow creeps under it.
+    /// in a cycle; without a step the snow creeps under it, but for alpine snow, which it presses at once.
     pub fn after(
         &self,
         grid: &Grid,
@@ -21,11 +21,7 @@ impl Column {
         let mut column = self.clone();
         for _ in 0..cycles {
             column.stress(grid, material, &[load]);
-            let moved = match step {
-                Some(step) => column.press(grid, material, step, dt),
-                None => column.compact(grid, material, 1, dt) > 0,
-            };
-            if !moved {
+            if !column.cycle(grid, material, step, dt) {
                 break;
             }
         }

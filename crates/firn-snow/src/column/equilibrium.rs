@@ -27,7 +27,8 @@ impl Column {
     /// The column as it comes to rest under a load after cycles of `dt` seconds, the settling of
     /// the snow that is still in motion included. Δt matters in two ways: long cycles press light
     /// snow past its equilibrium, and a cell rests where a cycle's indent rounds to nothing. Where
-    /// the load `presses`, a cell under it does not creep, and rests where it carries the stress on it.
+    /// the load `presses`, as it always does alpine snow, a cell under it does not creep, and rests where it carries
+    /// the stress on it.
     pub fn equilibrium(
         &self,
         grid: &Grid,
@@ -37,6 +38,7 @@ impl Column {
         dt: f32,
     ) -> Column {
         let law = Compaction::new(grid, material, dt);
+        let presses = presses || material.hardness_law.is_alpine();
         let mut column = self.clone();
         for _ in 0..MOST_CYCLES {
             column.stress(grid, material, &[load]);
@@ -50,8 +52,14 @@ impl Column {
 
     /// Hardness \[Pa\] of the topmost cell; `None` where there is no snow.
     pub fn surface_hardness(&self, grid: &Grid, material: &Material) -> Option<f32> {
-        let law = Compaction::new(grid, material, 0.0);
-        self.cells.last().map(|top| law.hardness(top))
+        self.cells.last().map(|top| top.hardness(grid, material))
+    }
+}
+
+impl Cell {
+    /// Its hardness \[Pa\].
+    pub fn hardness(&self, grid: &Grid, material: &Material) -> f32 {
+        Compaction::new(grid, material, 0.0).hardness(self)
     }
 }
 
@@ -92,7 +100,7 @@ impl Compaction<'_> {
                 let cell = stressed(thickness);
                 self.is_densest(&cell)
                     || match presses && cell.stress > weight {
-                        true => self.hardness(&cell) >= cell.stress,
+                        true => self.hardness(&cell) >= self.borne(cell.stress, weight),
                         false => self.indent(&cell, cell.mass as f32) == 0,
                     }
             };

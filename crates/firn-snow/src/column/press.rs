@@ -1,24 +1,43 @@
 //! Cells that are pressed by what stands on them, rather than creep under it.
 //!
 //! The load's stress comes on top of what a cell carries by itself: the snow above it, or less where it still
-//! gives way to that.
+//! gives way to that. Alpine snow doesn't carry its own weight: it settles under that.
 
 use crate::grid::Grid;
 use crate::material::Material;
 
-use super::{Cell, Column, Compaction, weight};
+use super::{CELL, Cell, Column, Compaction, weight};
 
 impl Column {
+    /// Runs a cycle of `dt` seconds under the present stress. Loads press by up to `step` quanta; without a step
+    /// the snow creeps under them, but for alpine snow, which they press at once. Returns whether a cell has changed.
+    #[inline]
+    pub(crate) fn cycle(
+        &mut self,
+        grid: &Grid,
+        material: &Material,
+        step: Option<u32>,
+        dt: f32,
+    ) -> bool {
+        match step {
+            Some(step) => self.press(grid, material, step, dt),
+            None if material.hardness_law.is_alpine() => self.press(grid, material, CELL, dt),
+            None => self.compact(grid, material, 1, dt) > 0,
+        }
+    }
+
     /// Runs a cycle of `dt` seconds under the present stress, in which loads press the cells that feel any by up
     /// to `step` quanta and the others creep; returns whether a cell has changed.
     pub fn press(&mut self, grid: &Grid, material: &Material, step: u32, dt: f32) -> bool {
         let law = Compaction::new(grid, material, dt);
+        let alpine = material.hardness_law.is_alpine();
         let (mut mass, mut changed) = (0_u32, false);
         for cell in self.cells.iter_mut().rev() {
             mass += cell.mass;
             let weight = weight(mass);
             // It is the same sum as in the stress: equal where nothing else is in that.
             changed |= match cell.stress > weight {
+                true if alpine => law.press_alpine(cell, cell.stress - weight, step),
                 true => law.press(cell, weight, step),
                 false => law.run(cell, 1) > 0,
             };
@@ -65,7 +84,6 @@ pub(super) fn thickest(least: u32, present: u32, holds: impl Fn(u32) -> bool) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::column::CELL;
     use crate::material::HardnessLaw;
 
     const MATERIAL: Material = Material {

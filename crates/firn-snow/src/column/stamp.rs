@@ -56,11 +56,13 @@ impl<'a> Printer<'a> {
     /// Finds the thickness at which each cell of a column carries a load.
     fn find(&mut self, column: &Column, load: SurfaceLoad) {
         let Printer { law, metres, .. } = self;
+        let alpine = law.material.hardness_law.is_alpine();
         let (mut mass, mut above) = (0_u32, 0_u32);
         for (rank, cell) in column.cells.iter().rev().enumerate() {
             mass += cell.mass;
-            let weight = weight(mass);
-            let snow = law.material.strength(cell.temperature);
+            // Alpine snow settles under its own weight, and carries the load alone.
+            let own = if alpine { 0.0 } else { weight(mass) };
+            let snow = law.material.strength(cell);
             let content = cell.mass as f32;
             // How many times over the cell carries what is on it; often enough where it feels nothing of the load.
             let strength = |thickness: u32| {
@@ -68,7 +70,7 @@ impl<'a> Printer<'a> {
                 let spread = spread(law.material.load_distribution, depth, load.width, rank == 0);
                 let felt = load.pressure * spread;
                 let hardness = snow.hardness(content / thickness as f32 * law.density);
-                if felt <= 0.0 { f32::INFINITY } else { hardness / (weight + felt) }
+                if felt <= 0.0 { f32::INFINITY } else { hardness / (own + felt) }
             };
             let before = strength(cell.thickness);
             let pressed = if before >= 1.0 {

@@ -285,10 +285,7 @@ impl Snowpack {
             progress.end_cycle(stops);
             return 0;
         }
-        let run = |column: &mut Column| match step {
-            Some(step) => u32::from(column.press(grid, material, step, dt)),
-            None => column.compact(grid, material, 1, dt),
-        };
+        let run = |column: &mut Column| u32::from(column.cycle(grid, material, step, dt));
         let compacted = part.into_par_iter().map(|tile| {
             let was_awake = tile.awake;
             let compacted = tile.run_if_due(always, 1, run);

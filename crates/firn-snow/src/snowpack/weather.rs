@@ -75,8 +75,11 @@ impl Snowpack {
     /// The surface of the snow above the lowest ground.
     fn relief(&self) -> Relief {
         let Grid { width, depth, .. } = self.grid;
-        let grounds = self.tiles.iter().flat_map(|tile| tile.ground);
-        let lowest = grounds.map(|ground| ground.0).min().unwrap_or(0);
+        let grounds = positions(self.grid.all()).map(|(x, z)| {
+            let (tile, column) = self.grid.locate(x, z);
+            self.tiles[tile as usize].ground[column as usize].0
+        });
+        let lowest = grounds.min().unwrap_or(0);
         let cells = |x, z| {
             let (tile, column) = self.grid.locate(x, z);
             let Elevation(quanta) = self.tiles[tile as usize].surface(column as usize);

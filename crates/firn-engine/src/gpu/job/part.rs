@@ -11,6 +11,8 @@ pub enum Step {
     Write(Range<u32>),
     /// Snow falls or is cleared on some rows of tiles.
     Snow(Range<u32>),
+    /// Steps of weather are taken on some rows of tiles.
+    Weather(Range<u32>),
     /// All other edits of a round.
     Objects,
     /// Contacts of some objects are evaluated, by their rows: after edits, or before a cycle.

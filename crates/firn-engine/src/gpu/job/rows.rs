@@ -4,11 +4,12 @@ use std::ops::Range;
 
 use firn_snow::ColumnRect;
 
-use crate::frame::Edit;
+use crate::frame::{Edit, Weathering};
 use crate::gpu::resident::Resident;
 
-use super::Job;
+use super::part::{Part, Step};
 use super::steps::{EDIT, cells_of};
+use super::{Job, Stage};
 
 impl Job {
     /// The next rows of tiles in which the round changes snow, about as many as fit, and their units. Whole tiles count
@@ -40,6 +41,28 @@ impl Job {
             self.next += 1;
         }
         (first..self.next, units)
+    }
+
+    /// Takes the steps of weather of the round on the next rows of tiles, about as many as fit. Steps that shade are taken
+    /// at once: where light falls depends on the snow of all columns before them.
+    pub(super) fn take_weather(&mut self, resident: &Resident, most: u64, part: &mut Part) {
+        let weatherings = self.round().iter().filter_map(|(_, edit)| match edit {
+            Edit::Weather(weathering) => Some(weathering),
+            _ => None,
+        });
+        let shades = weatherings.clone().any(|weathering| weathering.shades());
+        let steps: usize = weatherings.map(|weathering| weathering.steps.len()).sum();
+        let cells = u64::from(resident.row.tiles_x) * cells_of(resident);
+        let row = Weathering::UNITS * cells * steps as u64;
+        let rows = resident.layout.grid.tiles_z();
+        let fitting = if shades { u64::MAX } else { most / row.max(1) };
+        let first = self.next;
+        let count = u32::try_from(fitting).unwrap_or(u32::MAX).max(1);
+        self.next = first.saturating_add(count).min(rows);
+        part.add(row * u64::from(self.next - first), Step::Weather(first..self.next));
+        if self.next == rows {
+            self.enter(Stage::Objects);
+        }
     }
 
     /// The smallest rectangle of tiles in which the round changes snow, if it does anywhere.

@@ -24,7 +24,9 @@ impl Job {
     /// Adds the next step to a part. Returns whether the part ends with it.
     pub(super) fn step(&mut self, resident: &Resident, most: u64, part: &mut Part) -> bool {
         match self.stage {
-            Stage::Write | Stage::Snow | Stage::Objects => self.edit(resident, most, part),
+            Stage::Write | Stage::Snow | Stage::Weather | Stage::Objects => {
+                self.edit(resident, most, part)
+            }
             Stage::TouchAfterEdits | Stage::PressAfterEdits => {
                 self.evaluate_edits(resident, most, part)
             }
@@ -81,6 +83,10 @@ impl Job {
                 }
                 false
             }
+            Stage::Weather => {
+                self.take_weather(resident, most, part);
+                false
+            }
             _ => {
                 part.add(1, Step::Objects);
                 let evaluates = self.round().iter().any(|(_, e)| !matches!(e, Edit::Restore(_)));
@@ -119,7 +125,8 @@ impl Job {
             self.runs = true;
             part.work.wake = self.work.wake;
         }
-        let needed = self.work.run.cycles > 0 || self.work.reads_cells();
+        let creeps = !resident.is_alpine();
+        let needed = creeps && self.work.run.cycles > 0 || self.work.reads_cells();
         let left = resident.unweighed.len() as u32;
         if needed && left > 0 {
             let cells = cells_of(resident);

@@ -44,7 +44,7 @@ impl Session {
             load_distribution: material.load_distribution as u32,
             stiffness_exponent: material.stiffness_exponent as f32,
             density: density as f32,
-            densest: (density / material.max_density) as f32,
+            densest: (density / material.densest()) as f32,
             gold: gold_prefactor(material.grain_size_mm),
             ..self
         }

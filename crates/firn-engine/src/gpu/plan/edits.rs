@@ -12,6 +12,7 @@ use crate::gpu::layout::{
 };
 use crate::gpu::resident::{Resident, Residents};
 
+use super::weather::WeatherPart;
 use super::{Planner, Round, tiles_in};
 
 /// What edits leave to be done in one round.
@@ -24,6 +25,8 @@ struct Edited {
     /// Tiles whose stress is to be evaluated, by page.
     load_jobs: Vec<(u32, LoadJob)>,
     colliders: u32,
+    /// Steps of weather: the first of each snowpack, then the second, and so on.
+    weather: Vec<Vec<WeatherPart>>,
 }
 
 /// Tiles whose snow is changed, each with the row of what changes it, in the order of the rows.
@@ -65,6 +68,9 @@ impl Planner<'_> {
         }
         self.change_snow(KernelId::Snowfall, edited.edit_jobs);
         self.change_snow(KernelId::Stamp, edited.stamp_jobs);
+        for parts in &edited.weather {
+            self.weather(|slot| residents.get(slot), parts);
+        }
         if edited.colliders > 0 {
             let count = edited.colliders;
             let pass = Pass { first: first_collider, count, ..edit_pass() };
@@ -98,14 +104,23 @@ impl Planner<'_> {
     }
 
     fn edit(&mut self, resident: &mut Resident, round: Round, edited: &mut Edited) {
-        let Round { slot, edits, runs } = round;
+        let Round { slot, place, edits, runs } = round;
         // Tiles with the operations that touch them.
         let mut changed = Changed::default();
         let mut stressed = BTreeSet::new();
         let mut moved = false;
         let evaluates = edits.iter().any(|(_, edit)| !matches!(edit, Edit::Restore(_)));
+        let mut weathered = 0;
         for (result, edit) in edits {
             match edit {
+                Edit::Weather(weathering) => {
+                    if edited.weather.len() <= weathered {
+                        edited.weather.push(Vec::new());
+                    }
+                    let part = WeatherPart { slot, place, rows: ALL_ROWS, weathering };
+                    edited.weather[weathered].push(part);
+                    weathered += 1;
+                }
                 edit if edit.columns().is_some() => {
                     self.operate(resident, &edit, result, ALL_ROWS, &mut changed);
                 }
@@ -119,6 +134,9 @@ impl Planner<'_> {
         let Changed { snowed, stamped } = changed.noted(resident);
         self.edit_jobs(resident, snowed, &mut edited.edit_jobs);
         self.edit_jobs(resident, stamped, &mut edited.stamp_jobs);
+        if weathered > 0 {
+            resident.note_weather();
+        }
         if moved {
             self.mark_loaded(slot, resident);
         }
@@ -145,7 +163,7 @@ impl Planner<'_> {
         let (lot, grid) = (&resident.lot, &resident.layout.grid);
         match edit {
             Edit::Restore(contents) => {
-                self.arena.restore(self.device, lot, tiles, &contents.tiles);
+                self.arena.restore(self.device, lot, grid.height, tiles, &contents.tiles);
             }
             Edit::SetGround(ground) => {
                 self.arena.write_ground(self.device, lot, tiles, grid, ground);

@@ -12,9 +12,10 @@ use crate::gpu::resident::Resident;
 use super::Planner;
 use super::edits::by_page;
 use super::runs::compaction_of;
+use super::weather::WeatherPart;
 
 impl Planner<'_> {
-    /// Plans a part of a job, the results of whose edits begin at a number.
+    /// Plans a part of a job, which has a place among the work and the results of whose edits begin at a number.
     pub fn part(
         &mut self,
         slot: Slot,
@@ -22,6 +23,7 @@ impl Planner<'_> {
         job: &mut Job,
         part: &Part,
         first_result: u32,
+        place: u32,
     ) {
         // Rows of its objects, with a cycle after what they are for and without.
         let mut rows: [Option<u32>; 2] = [None; 2];
@@ -36,6 +38,17 @@ impl Planner<'_> {
                     let edits: Vec<(u32, Edit)> =
                         round.map(|(n, edit)| (first_result + n, edit.clone())).collect();
                     self.snow_on(resident, &edits, rows.clone());
+                }
+                Step::Weather(rows) => {
+                    resident.note_weather();
+                    let weatherings = job.round().iter().filter_map(|(_, edit)| match edit {
+                        Edit::Weather(weathering) => Some(weathering.clone()),
+                        _ => None,
+                    });
+                    for weathering in weatherings {
+                        let part = WeatherPart { slot, place, rows: rows.clone(), weathering };
+                        self.weather(|_| Some(&*resident), &[part]);
+                    }
                 }
                 Step::Objects => self.objects(slot, resident, job),
                 Step::Touch(objects, when) => {

@@ -7,7 +7,7 @@ use firn_snow::Contact;
 
 use crate::frame::{Contents, Edit, Placement, Slot};
 use crate::gpu::layout::{LoadJob, Tile};
-use crate::gpu::resident::{Body, Resident};
+use crate::gpu::resident::{Body, Resident, lowest};
 
 use super::Planner;
 
@@ -47,6 +47,7 @@ impl Planner<'_> {
                 true
             }
             Edit::SetGround(ground) => {
+                resident.lowest = lowest(&resident.layout.grid, &ground);
                 resident.layout.ground = ground;
                 false
             }

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use firn_snow::{Floor, REFERENCE_CELL_SIZE, TILE_COLUMNS};
+use firn_snow::{ColumnRect, Floor, REFERENCE_CELL_SIZE, TILE_COLUMNS};
 
 use crate::frame::Work;
 use crate::gpu::kernels::KernelId;
 use crate::gpu::layout::{ColumnJob, Elevation, Pass, SampleJob};
-use crate::gpu::resident::Residents;
+use crate::gpu::resident::{Resident, Residents};
 use crate::gpu::survey::Totals;
 
 use super::{Planner, tiles_in};
@@ -25,6 +25,9 @@ impl Planner<'_> {
         }
         if totals.samples > 0 {
             self.samples(residents, work);
+        }
+        if totals.columns > 0 {
+            self.totals(residents, work);
         }
     }
 
@@ -85,14 +88,44 @@ impl Planner<'_> {
                 rate: (wanted.dt / REFERENCE_CELL_SIZE) as f32,
                 floor,
             });
-            let tiles = tiles_in(wanted.columns, resident.row.tiles_x);
-            let pages: BTreeSet<u32> = tiles.map(|tile| resident.page(tile)).collect();
-            let groups = wanted.columns.columns().div_ceil(64) as u32;
-            for page in pages {
-                let pass = Pass { first: job, page, ..Pass::default() };
-                self.dispatch(KernelId::Sample, page, pass, groups);
-            }
+            self.read_columns(KernelId::Sample, resident, job, wanted.columns);
             first += wanted.cells() as u32;
+        }
+    }
+
+    /// Plans the rectangles of columns that are summed up.
+    fn totals(&mut self, residents: &Residents, work: &[Work]) {
+        let mut first = 0;
+        for (work, &columns) in work.iter().flat_map(|w| w.totals.iter().map(move |c| (w, c))) {
+            let Some(resident) = residents.get(work.slot) else { continue };
+            let job = self.tables.orders.sample_jobs.push(SampleJob {
+                session: work.slot,
+                first,
+                x0: columns.x0,
+                z0: columns.z0,
+                width: columns.x1 - columns.x0,
+                depth: columns.z1 - columns.z0,
+                ..SampleJob::default()
+            });
+            self.read_columns(KernelId::Totals, resident, job, columns);
+            first += columns.columns() as u32;
+        }
+    }
+
+    /// Has a kernel read the columns of a rectangle, a thread for each, page by page.
+    fn read_columns(
+        &mut self,
+        kernel: KernelId,
+        resident: &Resident,
+        job: u32,
+        columns: ColumnRect,
+    ) {
+        let tiles = tiles_in(columns, resident.row.tiles_x);
+        let pages: BTreeSet<u32> = tiles.map(|tile| resident.page(tile)).collect();
+        let groups = columns.columns().div_ceil(64) as u32;
+        for page in pages {
+            let pass = Pass { first: job, page, ..Pass::default() };
+            self.dispatch(kernel, page, pass, groups);
         }
     }
 }

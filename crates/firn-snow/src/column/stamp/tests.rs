@@ -13,12 +13,12 @@ fn stamp_by_halvings(column: &mut Column, grid: &Grid, material: &Material, load
     let (mut mass, mut above) = (0_u32, 0_u32);
     for (rank, cell) in column.cells.iter_mut().rev().enumerate() {
         mass += cell.mass;
-        let weight = weight(mass);
+        let own = if material.hardness_law.is_alpine() { 0.0 } else { weight(mass) };
         let carries = |thickness: u32| {
             let depth = (above as f32 + 0.5 * thickness as f32) * metres;
             let felt =
                 load.pressure * spread(material.load_distribution, depth, load.width, rank == 0);
-            felt <= 0.0 || law.hardness(&Cell { thickness, ..*cell }) >= weight + felt
+            felt <= 0.0 || law.hardness(&Cell { thickness, ..*cell }) >= own + felt
         };
         if !carries(cell.thickness) {
             let least = law.least(cell).min(cell.thickness);
@@ -28,8 +28,8 @@ fn stamp_by_halvings(column: &mut Column, grid: &Grid, material: &Material, load
     }
 }
 
-const LAWS: [HardnessLaw; 3] =
-    [HardnessLaw::Calibrated, HardnessLaw::Regression, HardnessLaw::Gold];
+const LAWS: [HardnessLaw; 4] =
+    [HardnessLaw::Calibrated, HardnessLaw::Regression, HardnessLaw::Gold, HardnessLaw::Alpine];
 const SPREADS: [LoadDistribution; 3] =
     [LoadDistribution::TwoToOne, LoadDistribution::Uniform, LoadDistribution::Surface];
 
@@ -62,7 +62,15 @@ fn case() -> impl Strategy<Value = (Grid, Material, Vec<Column>, SurfaceLoad)> {
     let size = proptest::sample::select(&[0.02, 0.1, 0.5, 2.0][..]);
     (size, material()).prop_flat_map(|(size, material)| {
         let cells = proptest::collection::vec(cell(size, material.max_density), 0..9);
-        let column = cells.prop_map(|cells| Column { cells });
+        let alpine = material.hardness_law.is_alpine();
+        let water = proptest::sample::select(&[0.0, 0.0, 0.001, 0.02, 0.3][..]);
+        let column = (cells, water).prop_map(move |(mut cells, water)| {
+            // Every other cell is wet.
+            for cell in cells.iter_mut().step_by(2).filter(|_| alpine) {
+                cell.set_heat(cell.temperature, (water * f64::from(cell.mass)) as u32);
+            }
+            Column { cells }
+        });
         let columns = proptest::collection::vec(column, 1..4);
         let load = (-2.0_f64..8.0, -2.0_f64..1.0).prop_map(|(pressure, width)| SurfaceLoad {
             pressure: 10_f64.powf(pressure) as f32,

@@ -1,0 +1,273 @@
+//! Alpine snow: the kernels of weather beside their twins.
+
+use std::sync::Arc;
+
+use firn_engine::frame::{Backend, Contents, Edit, Layout, Slot, TileCells, Weathering, Work};
+use firn_snow::alpine::{Gathering, Surface, WeatherStep};
+use firn_snow::weather::{Felt, Site, SunPosition};
+use firn_snow::{ColumnRect, Exchanged, Grid, HardnessLaw, MASS_QUANTA, Material, Shape};
+
+use crate::support::*;
+
+const STEP: f64 = 900.0;
+
+fn layout(grid: Grid, ground: Vec<f64>) -> Layout {
+    let material = Material { hardness_law: HardnessLaw::Alpine, ..Material::default() };
+    let surface = Some(Surface::new([3.0, 4.0, 5.0, 6.0], -2.0));
+    Layout { grid, material, ground: ground.into(), surface }
+}
+
+/// Winter by the day, with storms, sun, rain and thaw.
+struct Winter {
+    dice: Dice,
+    grid: Grid,
+    gathering: Gathering,
+    step: u64,
+    storm: f64,
+    /// The sun's place is told.
+    sun: bool,
+    /// Mass that has come down on a column, in quanta.
+    fallen: u64,
+}
+
+impl Winter {
+    fn new(seed: u64, grid: Grid, sun: bool) -> Winter {
+        let (dice, gathering) = (Dice::new(seed), Gathering::default());
+        Winter { dice, grid, gathering, step: 0, storm: 0.0, sun, fallen: 0 }
+    }
+
+    fn felt(&mut self) -> Felt {
+        let hour = self.step as f64 * STEP / 3600.0;
+        let day = hour / 24.0;
+        if self.dice.below(120) == 0 {
+            self.storm = self.dice.range(5.0, 40.0);
+        }
+        self.storm = (self.storm - STEP / 3600.0).max(0.0);
+        let height = ((hour - 6.0) / 12.0 * std::f64::consts::PI).sin();
+        let air = -6.0 + 0.3 * day + 5.0 * height + self.dice.range(-1.0, 1.0);
+        let rate = if self.storm > 0.0 { self.dice.range(0.0, 4.0) / 3600.0 } else { 0.0 };
+        let (snowfall, rainfall) = if air <= 1.2 { (rate, 0.0) } else { (0.0, rate) };
+        let elevation = 40.0 * height;
+        let azimuth = (15.0 * hour).rem_euclid(360.0);
+        let clear = if self.storm > 0.0 { 0.2 } else { 1.0 };
+        Felt {
+            air_temperature: air,
+            relative_humidity: self.dice.range(50.0, 100.0),
+            wind_speed: self.dice.range(0.0, 6.0),
+            pressure: 870.0,
+            snowfall,
+            rainfall,
+            shortwave: 700.0 * height.max(0.0) * clear,
+            longwave: 210.0 + 60.0 * (1.0 - clear) + 2.0 * air,
+            diffuse: if elevation < 1.0 { 1.0 } else { 0.3 },
+            sun: self.sun.then_some(SunPosition { azimuth, elevation }),
+            derived: Default::default(),
+        }
+    }
+
+    fn next(&mut self) -> WeatherStep {
+        let felt = self.felt();
+        self.step += 1;
+        let due = self.gathering.fall(&felt, STEP, &self.grid);
+        self.fallen += u64::from(due.mass) + u64::from(due.rain);
+        WeatherStep::new(&felt, &Site::default(), STEP, due)
+    }
+
+    fn steps(&mut self, count: usize) -> Vec<WeatherStep> {
+        (0..count).map(|_| self.next()).collect()
+    }
+}
+
+/// Carries work out in parts of some units; returns what was exchanged.
+fn weather(
+    backend: &mut dyn Backend,
+    slot: Slot,
+    grid: &Grid,
+    steps: &[WeatherStep],
+    limit: Option<u64>,
+) -> Exchanged {
+    let edits = Weathering::edits(grid, steps).collect();
+    let mut outcome = work(backend, Work { slot, edits, limit, ..Work::default() });
+    while outcome.unfinished {
+        outcome = work(backend, Work::resume(slot, false, limit));
+    }
+    outcome.exchanged
+}
+
+/// Depth [m] and snow water equivalent [kg/m²] of each column.
+fn columns(tiles: &[TileCells], grid: &Grid) -> Vec<(f64, f64)> {
+    let rect = grid.all();
+    let columns = (rect.z0..rect.z1).flat_map(|z| (rect.x0..rect.x1).map(move |x| (x, z)));
+    let column = |(x, z)| {
+        let (tile, column) = grid.locate(x, z);
+        let cells = tiles[tile as usize].column(column);
+        cells.fold((0.0, 0.0), |(depth, mass), cell| {
+            let metres = grid.metres(cell.thickness.into());
+            (depth + metres, mass + f64::from(cell.mass) / MASS_QUANTA)
+        })
+    };
+    columns.map(column).collect()
+}
+
+fn assert_alike(ours: &[TileCells], theirs: &[TileCells], grid: &Grid, when: &str) {
+    for (i, ((depth, mass), (other_depth, other_mass))) in
+        columns(ours, grid).into_iter().zip(columns(theirs, grid)).enumerate()
+    {
+        assert!(
+            (depth - other_depth).abs() <= 0.005,
+            "{when}, column {i}: {depth} {other_depth} m"
+        );
+        assert!((mass - other_mass).abs() <= 1.0, "{when}, column {i}: {mass} {other_mass} kg/m²");
+    }
+}
+
+fn mass(tiles: &[TileCells]) -> u64 {
+    tiles.iter().flat_map(|tile| &tile.mass).map(|&mass| u64::from(mass)).sum()
+}
+
+#[test]
+fn forty_days_of_winter_are_those_of_the_reference() {
+    let Some(mut gpu) = gpu(false) else { return };
+    let (mut cpu, grid) = (cpu(), Grid { width: 11, depth: 9, height: 60, cell_size: 0.05 });
+    gpu.poison();
+    let made = layout(grid, Vec::new());
+    (gpu.create(2, &made).unwrap(), cpu.create(2, &made).unwrap());
+    let mut winter = Winter::new(7, grid, false);
+    let mut sums = [Exchanged::default(); 2];
+    let mut deepest = 0.0_f64;
+    for day in 0..40 {
+        let steps = winter.steps(96);
+        sums[0].add(weather(&mut gpu, 2, &grid, &steps, None));
+        sums[1].add(weather(&mut cpu, 2, &grid, &steps, None));
+        let (ours, theirs) = (cells(&mut gpu, 2, &grid), cells(&mut cpu, 2, &grid));
+        assert_alike(&ours, &theirs, &grid, &format!("day {day}"));
+        deepest = deepest.max(columns(&theirs, &grid)[0].0);
+        for (tiles, sum) in [(&ours, &sums[0]), (&theirs, &sums[1])] {
+            let came = winter.fallen * grid.columns() + sum.deposited;
+            assert_eq!(came, mass(tiles) + sum.refused + sum.sublimated + sum.runoff);
+        }
+        for (tile, (ours, theirs)) in ours.iter().zip(&theirs).enumerate() {
+            let rect = grid.tile_rect(tile as u32);
+            for (i, (a, b)) in ours.surfaces.iter().zip(&theirs.surfaces).enumerate() {
+                let (x, z) = (i as u32 % 8, i as u32 / 8);
+                if rect.x0 + x < rect.x1 && rect.z0 + z < rect.z1 {
+                    assert!((a.skin - b.skin).abs() < 0.3, "day {day}: {a:?} {b:?}");
+                    assert!((a.soil[0] - b.soil[0]).abs() < 0.05, "day {day}: {a:?} {b:?}");
+                    assert!((a.albedo - b.albedo).abs() < 0.02, "day {day}: {a:?} {b:?}");
+                }
+            }
+        }
+    }
+    assert!(deepest > 0.3, "{deepest}");
+    assert!(sums[1].runoff > 0 && sums[1].sublimated > 0 && sums[1].deposited > 0, "{sums:?}");
+}
+
+#[test]
+fn steps_in_any_parts_give_the_same_bits() {
+    let Some(mut gpu) = gpu(false) else { return };
+    let grid = Grid { width: 19, depth: 34, height: 30, cell_size: 0.1 };
+    let ground: Vec<f64> = (0..grid.columns()).map(|i| (i % 19) as f64 * 0.03).collect();
+    for sun in [false, true] {
+        let steps = Winter::new(3, grid, sun).steps(200);
+        let mut backends: [&mut dyn Backend; 2] = [&mut gpu, &mut cpu()];
+        for backend in &mut backends {
+            let mut all = Vec::new();
+            for (slot, (each, limit)) in
+                [(200, None), (1, None), (37, Some(1000)), (80, Some(1 << 18))]
+                    .into_iter()
+                    .enumerate()
+            {
+                let slot = slot as Slot;
+                backend.create(slot, &layout(grid, ground.clone())).unwrap();
+                let mut sum = Exchanged::default();
+                for steps in steps.chunks(each) {
+                    sum.add(weather(*backend, slot, &grid, steps, limit));
+                }
+                let gather = (0..grid.tiles()).collect();
+                let read = Work { slot, gather, publish: true, ..Work::default() };
+                all.push((sum, work(*backend, read).gathered));
+                backend.release(slot);
+            }
+            let (first, others) = all.split_first().unwrap();
+            assert!(first.0.runoff + first.0.sublimated > 0);
+            for other in others {
+                assert_eq!(other.0, first.0);
+                assert!(other.1 == first.1, "not the same bits");
+            }
+        }
+    }
+}
+
+#[test]
+fn light_falls_on_hills_as_in_the_reference() {
+    let Some(mut gpu) = gpu(false) else { return };
+    let (mut cpu, grid) = (cpu(), Grid { width: 21, depth: 26, height: 40, cell_size: 0.5 });
+    let ridge = |z: u32| 6.0 - 0.6 * (f64::from(z) - 12.0).abs();
+    let ground: Vec<f64> =
+        (0..grid.depth).flat_map(|z| (0..grid.width).map(move |_| ridge(z) + 80.0)).collect();
+    let made = layout(grid, ground);
+    (gpu.create(0, &made).unwrap(), cpu.create(0, &made).unwrap());
+    let fall = snow(&grid, grid.all(), 0.6, 250.0, -3.0);
+    (edit(&mut gpu, 0, vec![fall.clone()]), edit(&mut cpu, 0, vec![fall]));
+    let mut winter = Winter::new(11, grid, true);
+    for day in 0..30 {
+        let steps = winter.steps(96);
+        weather(&mut gpu, 0, &grid, &steps, None);
+        weather(&mut cpu, 0, &grid, &steps, None);
+        let (ours, theirs) = (cells(&mut gpu, 0, &grid), cells(&mut cpu, 0, &grid));
+        assert_alike(&ours, &theirs, &grid, &format!("day {day}"));
+    }
+    let found = columns(&cells(&mut gpu, 0, &grid), &grid);
+    let side = |z: u32| found[(z * grid.width + 10) as usize].1;
+    assert!(side(6) + 20.0 < side(18), "south {} north {}", side(6), side(18));
+}
+
+#[test]
+fn objects_keep_snow_off_and_columns_are_summed_up() {
+    let Some(mut gpu) = gpu(false) else { return };
+    let (mut cpu, grid) = (cpu(), Grid { width: 20, depth: 20, height: 40, cell_size: 0.1 });
+    let made = layout(grid, Vec::new());
+    let backends: [&mut dyn Backend; 2] = [&mut gpu, &mut cpu];
+    let steps = Winter::new(5, grid, false).steps(400);
+    let rect = ColumnRect { x0: 3, z0: 2, x1: 17, z1: 19 };
+    let totals = backends.map(|backend| {
+        backend.create(1, &made).unwrap();
+        let shape = Shape::Box { width: 0.6, depth: 0.6 };
+        let mut edits = vec![put(&grid, "roof", 1.0, shape, 1.0, 1.0)];
+        edits.extend(Weathering::edits(&grid, &steps));
+        let done = work(backend, Work { slot: 1, edits, totals: vec![rect], ..Work::default() });
+        done.totals[0].clone()
+    });
+    assert_eq!(totals[0].len(), 14 * 17);
+    for (ours, theirs) in totals[0].iter().zip(&totals[1]) {
+        assert!((f64::from(ours.mass) - f64::from(theirs.mass)).abs() < MASS_QUANTA);
+        assert!(ours.water <= ours.mass);
+        assert!((ours.surface.skin - theirs.surface.skin).abs() < 0.3, "{ours:?} {theirs:?}");
+    }
+    let at = |x: u32, z: u32| totals[0][((z - 2) * 14 + x - 3) as usize];
+    assert_eq!(at(10, 10).mass, 0, "the roof keeps snow off");
+    assert!(f64::from(at(4, 10).mass) > 5.0 * MASS_QUANTA);
+}
+
+#[test]
+fn what_is_saved_goes_on_alike() {
+    let Some(mut gpu) = gpu(false) else { return };
+    let grid = Grid { width: 9, depth: 9, height: 30, cell_size: 0.1 };
+    let made = layout(grid, Vec::new());
+    gpu.create(0, &made).unwrap();
+    let mut winter = Winter::new(9, grid, false);
+    weather(&mut gpu, 0, &grid, &winter.steps(700), None);
+    let saved = cells(&mut gpu, 0, &grid);
+    let rest = winter.steps(100);
+    weather(&mut gpu, 0, &grid, &rest, None);
+    let expected = cells(&mut gpu, 0, &grid);
+    gpu.create(5, &made).unwrap();
+    let contents = Contents { tiles: Arc::new(saved), colliders: Vec::new() };
+    edit(&mut gpu, 5, vec![Edit::Restore(Arc::new(contents))]);
+    weather(&mut gpu, 5, &grid, &rest, None);
+    let found = cells(&mut gpu, 5, &grid);
+    assert!(found.iter().zip(&expected).all(|(a, b)| a.mass == b.mass
+        && a.thickness == b.thickness
+        && a.temperature.iter().map(|t| t.to_bits()).eq(b.temperature.iter().map(|t| t.to_bits()))
+        && a.surfaces == b.surfaces));
+}
