@@ -52,8 +52,7 @@ impl Physics {
     pub(crate) fn hardness_law(self, preset: HardnessLaw) -> HardnessLaw {
         match self {
             Physics::Thesis => preset,
-            // The law of alpine snow is to stand here as soon as there is one.
-            Physics::Alpine => preset,
+            Physics::Alpine => HardnessLaw::Alpine,
         }
     }
 }

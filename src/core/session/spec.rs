@@ -3,7 +3,7 @@
 use firn_protocol::{Physics, SessionSpec, Settings, is_valid_id};
 use firn_snow::alpine::{ICE_DENSITY, WATER_DENSITY};
 use firn_snow::weather::Problem as WeatherProblem;
-use firn_snow::{Grid, MAX_COLUMN_MASS, Material, Pressing};
+use firn_snow::{Grid, HardnessLaw, MAX_COLUMN_MASS, Material, Pressing};
 
 use crate::core::session::{Check, Ground, SessionError};
 
@@ -196,6 +196,17 @@ fn check_alpine(check: &mut Check, spec: &SessionSpec) {
 
 fn check_material(check: &mut Check, spec: &SessionSpec) {
     let m = &spec.material;
+    match (spec.physics, m.hardness_law) {
+        (Physics::Thesis, HardnessLaw::Alpine) => check.reject(
+            "/material/hardness_law",
+            "is that of alpine snow; choose another law, or \"physics\": \"alpine\"",
+        ),
+        (Physics::Alpine, law) if law != HardnessLaw::Alpine => check.reject(
+            "/material/hardness_law",
+            "is none of alpine snow, which has the law \"alpine\" alone; leave it out",
+        ),
+        _ => {}
+    }
     check.range("/material/max_density", m.max_density, 10.0, 917.0, "kg/m³");
     check.range("/material/fresh_density", m.fresh_density, 10.0, m.max_density, "kg/m³");
     check.range("/material/stiffness_exponent", m.stiffness_exponent, 3.0, 6.0, "");
