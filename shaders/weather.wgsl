@@ -99,6 +99,7 @@ fn lay_hoar(column: Column, cells: u32, hoar: u32, metres: f32, skin: f32) -> Ce
 // What is left of a column after the way down.
 struct Descended {
     cells: u32,
+    height: u32,
     // Some cells may be joined.
     joinable: bool,
 }
@@ -128,22 +129,36 @@ fn descend(
     var upper = Cell(0u, 0u, 0u);
     var gone = 0u;
     var joinable = frost.mass > 0u;
+    var height = frost.thickness;
+    // Each cell is on its way while the one above it is worked on.
+    var next = load_cell(column, cells - 1u);
+    var next_element = kept_eliminated(column, cells - 1u);
     for (var rank = 0u; rank < cells; rank++) {
         let slot = cells - 1u - rank;
-        let element = kept_eliminated(column, slot);
+        let cell = next;
+        let element = next_element;
+        if slot > 0u {
+            next = load_cell(column, slot - 1u);
+            next_element = kept_eliminated(column, slot - 1u);
+        }
         above = element.free + element.bound * above;
-        let cell = load_cell(column, slot);
         let water = water_of(cell);
         var layer = Layer(cell.mass - water, water, cell.thickness, above);
         pass_through(&descent, &layer);
         let after = Cell(layer.ice + layer.water, layer.thickness, heat_word(layer.celsius, layer.water));
-        store_cell(column, slot, after);
+        let i = slot_of(column, slot);
+        if after.mass != cell.mass {
+            mass[i] = after.mass;
+        }
+        thickness[i] = after.thickness;
+        temperature[i] = after.word;
         if after.mass == 0u {
             gone++;
             continue;
         }
         joinable = joinable || rank > 2u && upper.mass > 0u && joins(after, upper, free, metres);
         upper = after;
+        height += after.thickness;
     }
     (*exchange).sublimated = leaves - descent.vapour;
     (*exchange).runoff += descent.water;
@@ -159,7 +174,7 @@ fn descend(
         store_cell(column, count, frost);
         count++;
     }
-    return Descended(count, joinable || gone > 0u);
+    return Descended(count, height, joinable || gone > 0u);
 }
 
 // Moves cells down to where others are gone.
@@ -175,24 +190,36 @@ fn close_gaps(column: Column, cells: u32) -> u32 {
     return kept;
 }
 
-// A step of a column with so many cells; returns how many there are then.
+fn height_of(column: Column, cells: u32) -> u32 {
+    var height = 0u;
+    for (var slot = 0u; slot < cells; slot++) {
+        height += thickness[slot_of(column, slot)];
+    }
+    return height;
+}
+
+// A column's cells, and the thickness of all of them together.
+struct Stock {
+    cells: u32,
+    height: u32,
+}
+
+// A step of a column; returns what there is of it then.
 fn step(
     column: Column,
-    before: u32,
+    before: Stock,
     surface: ptr<function, Surface>,
     weather: WeatherStep,
     metres: f32,
     shining: f32,
     sheltered: bool,
     exchange: ptr<function, Exchange>,
-) -> u32 {
-    var cells = before;
+) -> Stock {
+    var cells = before.cells;
+    var height = before.height;
     if weather.snow > 0u && !sheltered {
         cells = snow_falls(column, cells, weather, exchange);
-    }
-    var height = 0u;
-    for (var slot = 0u; slot < cells; slot++) {
-        height += thickness[slot_of(column, slot)];
+        height = height_of(column, cells);
     }
     let depth = f32(height) * metres;
     let albedo = age(surface, column, cells, weather, depth);
@@ -210,7 +237,7 @@ fn step(
             (*surface).soil[layer] = above;
         }
         (*exchange).runoff = weather.rain;
-        return 0u;
+        return Stock(0u, 0u);
     }
     let descended = descend(column, cells, surface, stack, balance, weather, metres, exchange);
     let snows = (weather.flags & SNOWS) != 0u;
@@ -228,12 +255,15 @@ fn step(
     if is_last_scrap(column, count, snows) {
         (*exchange).runoff += mass[slot_of(column, 0u)];
         count = 0u;
+        height = 0u;
+    } else {
+        height = descended.height;
     }
     // What was filled and is not any more is empty, as readers expect.
     for (var slot = count; slot < max(cells, descended.cells); slot++) {
         mass[slot_of(column, slot)] = 0u;
     }
-    return count;
+    return Stock(count, height);
 }
 
 // Adds to a sum of 64 bits in the workgroup.
@@ -294,7 +324,7 @@ fn weather(
     if inside {
         let column = Column(row.row * TILE_COLUMNS + thread, session.height);
         var surface = load_surface(column, job);
-        var cells = filled[place];
+        var stock = Stock(filled[place], heights[place]);
         let sheltered = is_sheltered(job, tile, thread);
         var shining = 1.0;
         if job.first_shine != NONE {
@@ -304,7 +334,7 @@ fn weather(
         for (var i = 0u; i < job.steps; i++) {
             var exchange = Exchange(0u, 0u, 0u, 0u);
             let weather = weather_steps[job.first_step + i];
-            cells = step(column, cells, &surface, weather, session.metres, shining, sheltered, &exchange);
+            stock = step(column, stock, &surface, weather, session.metres, shining, sheltered, &exchange);
             let low = surface.runoff.x + exchange.runoff;
             surface.runoff = vec2(low, surface.runoff.y + select(0u, 1u, low < exchange.runoff));
             add(0u, exchange.refused);
@@ -313,15 +343,11 @@ fn weather(
             add(3u, exchange.runoff);
         }
         store_surface(column, surface);
-        var height = 0u;
-        for (var slot = 0u; slot < cells; slot++) {
-            height += thickness[slot_of(column, slot)];
-        }
-        if height != heights[place] {
-            heights[place] = height;
+        if stock.height != heights[place] {
+            heights[place] = stock.height;
             atomicStore(&any_changed, 1u);
         }
-        filled[place] = cells;
+        filled[place] = stock.cells;
     }
     workgroupBarrier();
     if thread < 4u {

@@ -42,6 +42,16 @@ pub enum Case {
     /// 1000²×16 with fresh snow of 6.5 cells, into which 4096 feet are pressed by one request: from the request to
     /// the answer
     Stamps,
+    /// 50³ of alpine snow that fills every slot: a step of weather
+    WeatherSession,
+    /// 2048²×50 of the same: a step of weather
+    Weather,
+    /// 10 000 sessions of 50³ with 5.8 m of it: a step of weather of all of them, in a frame
+    WeatherCrowd,
+    /// A session of 50³ of alpine snow through 270 days of weather in steps of 900 s
+    Season,
+    /// 2048²×50 of alpine snow through a day of that
+    SeasonColumns,
     /// Creating a 50³ session and reading its first heights
     Create,
 }
@@ -93,6 +103,11 @@ impl Case {
             Case::Snowfall => "snowfall",
             Case::Objects => "objects",
             Case::Stamps => "stamps",
+            Case::WeatherSession => "weather-session",
+            Case::Weather => "weather",
+            Case::WeatherCrowd => "weather-crowd",
+            Case::Season => "season",
+            Case::SeasonColumns => "season-columns",
             Case::Create => "create",
         }
     }
@@ -113,6 +128,11 @@ impl Case {
             Case::Vehicle | Case::VehicleAwake => (Quantity::Seconds, 0.15e-3),
             Case::Objects => (Quantity::Seconds, 1.0 / 60.0),
             Case::Stamps => (Quantity::Seconds, 3e-3),
+            Case::WeatherSession => (Quantity::Seconds, 100e-6),
+            Case::Weather => (Quantity::Seconds, 5e-3),
+            Case::WeatherCrowd => (Quantity::Seconds, 20e-3),
+            Case::Season => (Quantity::Seconds, 5.0),
+            Case::SeasonColumns => (Quantity::Seconds, 1.0),
             Case::Create => (Quantity::Seconds, 5e-3),
         }
     }

@@ -14,6 +14,7 @@ mod snowfall;
 mod spread;
 mod stamps;
 mod thesis;
+mod weather;
 
 use firn_engine::frame::EngineError;
 use firn_engine::gpu::device::{Device, Purpose};
@@ -101,6 +102,7 @@ pub fn run(plan: &Plan, observe: &mut dyn FnMut(&str)) -> Result<Report, BenchEr
     let facts = DeviceFacts::new(device.as_ref(), copy_rate(device.as_ref(), plan)?);
     let mut report = Report::new(plan, facts);
     field::measure(plan, device.as_ref(), &mut report, observe)?;
+    let on_gpu = device.is_some();
     if let Some(device) = device {
         thesis::measure(plan, &device, &mut report, observe)?;
     }
@@ -108,6 +110,7 @@ pub fn run(plan: &Plan, observe: &mut dyn FnMut(&str)) -> Result<Report, BenchEr
     snowfall::measure(plan, &mut report, observe)?;
     objects::measure(plan, &mut report, observe)?;
     stamps::measure(plan, &mut report, observe)?;
+    weather::measure(plan, on_gpu, &mut report, observe)?;
     crowd::measure(plan, &mut report, observe)?;
     report.compare();
     Ok(report)

@@ -30,6 +30,7 @@ impl World {
             publish,
             sleep: self.config.sleep,
             slipped_us: &self.vitals.slipped_us,
+            weather_steps: &self.vitals.weather_steps,
         };
         // Nobody waits where all of them come back or are saved.
         let take_turns = self.recovered && self.stop.is_none();

@@ -10,10 +10,11 @@ use std::sync::Arc;
 use firn_engine::frame::{Contents, Edit, TileCells};
 use firn_engine::reserve::ask_for;
 use firn_protocol::{SessionSpec, Stamp, Terrain};
+use firn_snow::alpine::Surface;
 use firn_snow::{Cell, Material};
 
 use self::body::Body;
-use self::description::{Description, SavedCollider};
+use self::description::{Description, SavedAlpine, SavedCollider};
 
 use crate::core::session::{
     Check, Ground, Invalid, Limits, Reach, SessionError, SessionState, Simulation,
@@ -120,6 +121,12 @@ impl Snapshot {
         for plane in planes {
             for cell in columns().flatten() {
                 body.write_all(&plane(&cell)).map_err(internal)?;
+            }
+        }
+        // Nothing where the snow has no surfaces.
+        for (tile, column) in self::columns(&self.description.spec) {
+            if let Some(surface) = self.tiles[tile].surfaces.get(column as usize) {
+                body.write_all(&surface_bytes(surface)).map_err(internal)?;
             }
         }
         body.flush().map_err(internal)
@@ -286,6 +293,7 @@ impl Simulation {
             ledger: self.state.ledger,
             settled: self.settled,
             last_cycle: self.last_dt,
+            alpine: self.state.alpine.as_ref().map(|it| SavedAlpine::new(it, &self.session.spec)),
             colliders: colliders.collect(),
         };
         Snapshot { stamp, description, ground: self.state.ground.clone(), tiles }
@@ -310,6 +318,19 @@ impl Simulation {
         self.next.changed = true;
         self.portions.disturb(self.state.grid.tiles().into());
     }
+}
+
+/// What a column of alpine snow has beside its cells, as it is written: albedo, skin, four layers of soil, and the
+/// runoff in two words.
+fn surface_bytes(surface: &Surface) -> [u8; 32] {
+    let Surface { albedo, skin, soil, runoff } = *surface;
+    let mut bytes = [0; 32];
+    let numbers = [albedo, skin].into_iter().chain(soil);
+    for (word, number) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(numbers) {
+        *word = number.to_le_bytes();
+    }
+    bytes[24..].copy_from_slice(&runoff.to_le_bytes());
+    bytes
 }
 
 /// Tile and column of each column of a grid, row by row.

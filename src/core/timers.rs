@@ -7,15 +7,21 @@ use std::time::Instant;
 ///
 /// They are looked at when they come due and not before. To put something off the deadline is left as it is;
 /// where it turns out to be too early, it is set anew then.
-#[derive(Debug, Default)]
-pub(crate) struct Deadlines {
-    queue: BTreeSet<(Instant, u64)>,
-    of: BTreeMap<u64, Instant>,
+#[derive(Debug)]
+pub(crate) struct Deadlines<T = Instant> {
+    queue: BTreeSet<(T, u64)>,
+    of: BTreeMap<u64, T>,
 }
 
-impl Deadlines {
+impl<T> Default for Deadlines<T> {
+    fn default() -> Self {
+        Deadlines { queue: BTreeSet::new(), of: BTreeMap::new() }
+    }
+}
+
+impl<T: Copy + Ord> Deadlines<T> {
     /// Has a session looked at by some time, or earlier where it is to be already.
-    pub fn set(&mut self, key: u64, deadline: Option<Instant>) {
+    pub fn set(&mut self, key: u64, deadline: Option<T>) {
         let Some(deadline) = deadline else { return };
         if let Some(known) = self.of.get(&key) {
             if *known <= deadline {
@@ -35,7 +41,7 @@ impl Deadlines {
     }
 
     /// Takes out the session that has been due for longest, if any is.
-    pub fn pop_due(&mut self, now: Instant) -> Option<u64> {
+    pub fn pop_due(&mut self, now: T) -> Option<u64> {
         let &(deadline, key) = self.queue.first()?;
         if deadline > now {
             return None;
@@ -55,7 +61,7 @@ mod tests {
     fn what_is_due_comes_in_order_and_once() {
         let begin = Instant::now();
         let at = |seconds| begin + Duration::from_secs(seconds);
-        let mut deadlines = Deadlines::default();
+        let mut deadlines = Deadlines::<Instant>::default();
         for (key, seconds) in [(1, 30), (2, 10), (3, 20), (1, 15), (2, 40), (4, 10)] {
             deadlines.set(key, Some(at(seconds)));
         }

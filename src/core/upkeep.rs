@@ -31,11 +31,23 @@ impl World {
             return;
         }
         self.looked_after = self.frame;
+        self.wake_for_weather();
         self.anchor_some();
         let now = self.now.instant;
         for _ in 0..MOST_ENDS {
             let Some(key) = self.ends.pop_due(now) else { break };
             self.end(key, now);
+        }
+    }
+
+    /// Has sessions at rest take part in the coming frame for which a step of weather is due.
+    fn wake_for_weather(&mut self) {
+        let frame = self.frame;
+        while let Some(key) = self.wakes.pop_due(frame) {
+            if !self.coming.contains_key(&key) {
+                self.guard(key, |simulation| simulation.wake_for_weather(frame));
+                self.review(key);
+            }
         }
     }
 
@@ -270,6 +282,7 @@ impl World {
     pub(crate) fn forget(&mut self, key: u64, session: &Outlet) {
         self.ends.remove(key);
         self.saves.remove(key);
+        self.wakes.remove(key);
         self.refuse_mail(key, &gone());
         self.names.forget(session);
     }

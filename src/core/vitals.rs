@@ -68,6 +68,7 @@ pub struct Vitals {
     pub(crate) frames: AtomicU64,
     pub(crate) frame_time_us: AtomicU64,
     pub(crate) slipped_us: AtomicU64,
+    pub(crate) weather_steps: AtomicU64,
     pub(crate) waits: AtomicU64,
     device_ns: AtomicU64,
     pub(crate) frame_times: Mutex<VecDeque<FrameTime>>,
@@ -194,6 +195,11 @@ impl Vitals {
     /// Device time that all sessions have been charged with.
     pub fn device_time(&self) -> Duration {
         Duration::from_nanos(self.device_ns.load(Ordering::Relaxed))
+    }
+
+    /// Steps of weather that snowpacks have taken, those that were gone through again included.
+    pub fn weather_steps(&self) -> u64 {
+        self.weather_steps.load(Ordering::Relaxed)
     }
 
     /// Time by which ticks have slipped behind the wall clock because frames were too slow.

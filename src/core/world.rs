@@ -57,6 +57,8 @@ pub(crate) struct World {
     pub(super) ends: Deadlines,
     /// When checkpoints are to be made of them, before they hibernate or to cut their journals short.
     pub(super) saves: Deadlines,
+    /// Beats at which sessions at rest are to be in a frame, as a step of weather falls into it.
+    pub(super) wakes: Deadlines<u64>,
     /// Sessions whose memory is freed.
     pub(super) hibernating: BTreeMap<u64, Arc<Outlet>>,
     /// What waits for sessions.
@@ -142,6 +144,7 @@ impl World {
             busy: false,
             ends: Deadlines::default(),
             saves: Deadlines::default(),
+            wakes: Deadlines::default(),
             hibernating: BTreeMap::new(),
             mail: BTreeMap::new(),
             making: BTreeMap::new(),
@@ -252,8 +255,10 @@ impl World {
         }
         self.busy |= simulation.has_orders();
         let active = simulation.wants_frames();
+        let wakes = simulation.wakes_at();
         self.simulations.set_active(key, active);
         if !active {
+            self.wakes.set(key, wakes);
             self.anchor(key);
             self.schedule(key);
         }

@@ -63,6 +63,8 @@ fn frames(write: &mut Writer, vitals: &Vitals) -> fmt::Result {
     write.counter("frame_time", help, seconds, vitals.frame_time().as_secs_f64())?;
     let help = "Frames that sessions have waited for, because others had taken less device time";
     write.counter("frames_waited", help, None, vitals.waits())?;
+    let help = "Steps of weather that alpine snowpacks have taken";
+    write.counter("weather_steps", help, None, vitals.weather_steps())?;
     let help = "Time by which ticks have slipped behind the clock";
     write.counter("lag", help, seconds, vitals.slipped().as_secs_f64())
 }

@@ -23,7 +23,7 @@ use crate::http::gate::{check_host, check_origin, guard};
 use crate::http::handlers::{
     self, air_temperature, cells, checkpoints, clearings, colliders, columns, health, height,
     heights, mass, probes, profile, render, samples, sessions, snapshots, snowfalls, stamps, store,
-    terrain, tokens, unlock, usage,
+    terrain, tokens, unlock, usage, weather,
 };
 use crate::http::observe::observe;
 use crate::http::repeat::answer_once;
@@ -83,6 +83,7 @@ fn timed_routes() -> OpenApiRouter<App> {
         .routes(routes!(tokens::create))
         .routes(routes!(unlock::create))
         .routes(routes!(air_temperature::put))
+        .routes(routes!(weather::get, weather::put))
         .routes(routes!(colliders::get, colliders::put, colliders::patch, colliders::delete))
         .routes(routes!(heights::get))
         .routes(routes!(terrain::get, terrain::put))

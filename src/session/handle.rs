@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use firn_engine::frame::cell_bytes;
-use firn_protocol::{Reference, SessionSpec, SessionView, State};
+use firn_protocol::{Reference, SessionSpec, SessionView, Stamp, State, WeatherView};
 use firn_snow::CELL;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
@@ -122,6 +122,9 @@ impl Session {
         SessionView {
             id: self.id.clone(),
             tenant: self.tenant.as_ref().map(|tenant| tenant.name.clone()),
+            physics: self.spec.physics,
+            weather_step: mirror.alpine.as_ref().map(|alpine| alpine.step),
+            site: mirror.alpine.as_ref().map(|alpine| alpine.site.clone()),
             grid: mirror.grid,
             material: mirror.material,
             settings: mirror.settings,
@@ -151,7 +154,23 @@ impl Session {
     pub fn snapshot_bytes(&self) -> u64 {
         // What it says of each object, and of the ground, as it was and as it is.
         let objects = self.mirror().colliders.len() as u64;
-        cell_bytes(&self.spec.grid) + 16 * self.spec.grid.columns() + 512 * objects
+        let mirror = self.mirror();
+        let weather = mirror.alpine.as_ref().map_or(0, |alpine| alpine.weather.heap_bytes() as u64);
+        let columns = self.spec.grid.columns();
+        let surfaces = if self.spec.physics.is_thesis() { 0 } else { 64 * columns };
+        cell_bytes(&self.spec.grid) + 16 * columns + 512 * objects + surfaces + 8 * weather
+    }
+
+    /// The weather of alpine snow: what was told, and what holds now.
+    ///
+    /// # Errors
+    /// [`SessionError::Conflict`] where the session's snow feels none.
+    pub fn weather(&self) -> Result<WeatherView, SessionError> {
+        let mirror = self.mirror();
+        let alpine = mirror.alpine.as_ref().ok_or_else(SessionError::feels_no_weather)?;
+        let clock = mirror.clock_at(self.frame());
+        let stamp = Stamp { tick: clock.tick(), seq: mirror.seq };
+        Ok(alpine.view(stamp, clock.sim_time()))
     }
 
     fn state(&self, mirror: &Mirror) -> State {

@@ -1,8 +1,10 @@
 //! What clients send: JSON text, read into requests. No I/O.
 
+use std::sync::Arc;
+
 use firn_protocol::{
     AirTemperature, Clearing, ColliderBatch, ColliderPatch, ColliderSpec, DepthWatch, MOST_WATCHES,
-    ProbeBatch, SampleBatch, SettingsPatch, Snowfall, StampBatch, Subscribe, Update,
+    ProbeBatch, SampleBatch, SettingsPatch, Snowfall, StampBatch, Subscribe, Update, WeatherInput,
 };
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -13,7 +15,7 @@ use crate::quote::quote;
 use crate::session::Change;
 
 /// Every `op` that a client can send.
-const OPS: &str = "subscribe, update, unsubscribe, ping, snowfall, clearing, air_temperature, set, \
+const OPS: &str = "subscribe, update, unsubscribe, ping, snowfall, clearing, air_temperature, weather, set, \
                    collider.put, collider.patch, collider.delete, colliders.batch, stamps, probes, samples";
 
 /// What a client asks for.
@@ -160,6 +162,9 @@ fn read(op: &str, id: Option<i64>, fields: Map<String, Value>) -> Result<Request
         "clearing" => return change(Change::Clearing(body::<Clearing>(fields)?), ""),
         "air_temperature" => {
             return change(Change::AirTemperature(body::<AirTemperature>(fields)?), "");
+        }
+        "weather" => {
+            return change(Change::Weather(Arc::new(body::<WeatherInput>(fields)?)), "");
         }
         "set" => return change(Change::Settings(body::<SettingsPatch>(fields)?), ""),
         "collider.put" => {

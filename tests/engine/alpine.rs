@@ -2,10 +2,15 @@
 
 use std::sync::Arc;
 
-use firn_engine::frame::{Backend, Contents, Edit, Layout, Slot, TileCells, Weathering, Work};
+use firn_engine::frame::{
+    Backend, Contents, Edit, Layout, Run, Slot, Stamp, TileCells, Weathering, Work,
+};
 use firn_snow::alpine::{Gathering, Surface, WeatherStep};
 use firn_snow::weather::{Felt, Site, SunPosition};
-use firn_snow::{ColumnRect, Exchanged, Grid, HardnessLaw, MASS_QUANTA, Material, Shape};
+use firn_snow::{
+    ColumnRect, Coverage, Exchanged, Grid, HardnessLaw, MASS_QUANTA, Material, Position, Pressing,
+    Shape, SurfaceLoad, Turn,
+};
 
 use crate::support::*;
 
@@ -270,4 +275,91 @@ fn what_is_saved_goes_on_alike() {
         && a.thickness == b.thickness
         && a.temperature.iter().map(|t| t.to_bits()).eq(b.temperature.iter().map(|t| t.to_bits()))
         && a.surfaces == b.surfaces));
+}
+
+/// A load that presses a disk of columns.
+fn print(grid: &Grid) -> Edit {
+    let (shape, position) = (Shape::Disk { radius: 0.3 }, Position { x: 1.5, z: 0.4 });
+    let coverage = Coverage::new(grid, &shape, position, Turn::new(0.0)).unwrap();
+    let load = SurfaceLoad { pressure: 4000.0, width: 0.5 };
+    Edit::Stamp(Arc::new(Stamp { coverage, load }))
+}
+
+/// Snow as it lies after some weeks of winter, on both backends to the bit.
+fn same_snow(backends: &mut [&mut dyn Backend; 2], grid: &Grid, seed: u64) {
+    let made = layout(*grid, Vec::new());
+    let steps = Winter::new(seed, *grid, false).steps(1000 + 600 * seed as usize);
+    backends[1].create(9, &made).unwrap();
+    weather(backends[1], 9, grid, &steps, None);
+    let tiles = Arc::new(cells(backends[1], 9, grid));
+    for backend in backends {
+        backend.release(0);
+        backend.create(0, &made).unwrap();
+        let contents = Contents { tiles: tiles.clone(), colliders: Vec::new() };
+        edit(*backend, 0, vec![Edit::Restore(Arc::new(contents))]);
+    }
+}
+
+#[test]
+fn objects_and_prints_press_it_as_in_the_reference_and_are_at_rest_then() {
+    let Some(mut gpu) = gpu(false) else { return };
+    let (mut cpu, grid) = (cpu(), Grid { width: 20, depth: 20, height: 60, cell_size: 0.1 });
+    let mut dice = Dice::new(17);
+    for seed in 1..4 {
+        let mut backends: [&mut dyn Backend; 2] = [&mut gpu, &mut cpu];
+        same_snow(&mut backends, &grid, seed);
+        let side = dice.range(0.2, 0.6);
+        let shape = Shape::Box { width: side, depth: side };
+        let (heavy, light) = (dice.range(40.0, 400.0), dice.range(5.0, 20.0));
+        let edits = vec![
+            print(&grid),
+            put(&grid, "heavy", heavy, shape.clone(), 0.7, 1.2),
+            put(&grid, "light", light, shape, 1.4, 1.3),
+        ];
+        let found = backends.map(|backend| {
+            edit(backend, 0, edits.clone());
+            let pressing = Pressing::Within(0.25);
+            let run = Run { cycles: 40, dt: 0.1 };
+            let first = work(backend, Work { run, pressing, publish: true, ..Work::default() });
+            assert!(first.last_change > 0 && first.last_change < 40, "{}", first.last_change);
+            let again = work(backend, Work { run, pressing, publish: true, ..Work::default() });
+            assert_eq!(again.last_change, 0, "it rests");
+            (cells(backend, 0, &grid), again.contacts)
+        });
+        let difference = compare(&found[0].0, &found[1].0);
+        assert_eq!(difference.mass, 0);
+        assert!(grid.metres(difference.thickness.into()) < 1e-4, "{difference:?}");
+        for ((id, ours), (_, theirs)) in found[0].1.iter().zip(&found[1].1) {
+            let (ours, theirs) = (ours.bottom.metres(&grid), theirs.bottom.metres(&grid));
+            assert!((ours - theirs).abs() < 1e-4, "{id}: {ours} {theirs}");
+        }
+    }
+}
+
+#[test]
+fn snow_that_finds_no_slot_is_refused_and_wet_snow_is_cut_with_its_water() {
+    let Some(mut gpu) = gpu(false) else { return };
+    let (mut cpu, grid) = (cpu(), Grid { width: 9, depth: 9, height: 12, cell_size: 0.1 });
+    let mut backends: [&mut dyn Backend; 2] = [&mut gpu, &mut cpu];
+    same_snow(&mut backends, &grid, 2);
+    let depth = grid.thickness_quanta(0.234) as u32;
+    let edits = vec![
+        snow(&grid, grid.all(), 0.9, 120.0, -4.0),
+        Edit::Clear { columns: grid.all(), depth: depth * 2 },
+        snow(&grid, grid.all(), 3.0, 90.0, -4.0),
+        Edit::Clear { columns: ColumnRect { x0: 2, z0: 1, x1: 7, z1: 8 }, depth: depth / 3 },
+    ];
+    let found = backends.map(|backend| {
+        let done = edit(backend, 0, edits.clone());
+        (done.edits, cells(backend, 0, &grid))
+    });
+    assert_eq!(found[0].0, found[1].0);
+    assert!(found[0].0[2] > 0, "some is refused");
+    let words = |tiles: &[TileCells]| -> Vec<u32> {
+        tiles.iter().flat_map(|tile| tile.temperature.iter().map(|word| word.to_bits())).collect()
+    };
+    let [(_, ours), (_, theirs)] = &found;
+    assert!(ours.iter().zip(theirs).all(|(a, b)| a.mass == b.mass && a.thickness == b.thickness));
+    assert!(words(ours) == words(theirs));
+    assert!(ours.iter().any(|tile| tile.column(0).any(|cell| cell.water() > 0)));
 }

@@ -250,12 +250,17 @@ impl TileCells {
         (column as usize..self.mass.len())
             .step_by(TILE_COLUMNS as usize)
             .take_while(|&i| self.mass[i] > 0)
-            .map(|i| Cell {
-                mass: self.mass[i],
-                thickness: self.thickness[i],
-                temperature: self.temperature[i],
-                stress: self.stress[i],
-            })
+            .map(|i| self.cell(i))
+    }
+
+    /// What lies at an index, occupied or not.
+    pub fn cell(&self, i: usize) -> Cell {
+        Cell {
+            mass: self.mass[i],
+            thickness: self.thickness[i],
+            temperature: self.temperature[i],
+            stress: self.stress[i],
+        }
     }
 }
 

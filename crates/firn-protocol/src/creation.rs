@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use firn_snow::weather::{Site, Weather, WeatherInput};
 use firn_snow::{Grid, HardnessLaw, LoadDistribution, Material, Preset, Pressing};
 use serde::{Deserialize, Serialize};
 
+use crate::physics::Physics;
 use crate::session::{Settings, given};
 
 /// What a session is created with, in full. `POST /v1/sessions` takes a [`SessionBody`], in which every field is
@@ -14,13 +16,17 @@ use crate::session::{Settings, given};
 pub struct SessionSpec {
     /// Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none.
     pub id: Option<String>,
+    /// Which physics the snow follows.
+    #[serde(skip_serializing_if = "Physics::is_thesis")]
+    pub physics: Physics,
     /// Size of the grid.
     pub grid: Grid,
     /// Material constants.
     pub material: Material,
-    /// Temperature of the air \[°C\] from −40 to 0, and of fresh snow.
+    /// Temperature of the air \[°C\] from −40 to 0, and of fresh snow. In alpine snow it is that of the weather, −60 to
+    /// 50.
     pub air_temperature: f64,
-    /// Simulated seconds per second, from 0 to 1000.
+    /// Simulated seconds per second, from 0 to 1000, in alpine snow to 100 000.
     pub time_scale: f64,
     /// Ticks per second \[Hz\], from 1 to 240.
     pub tick_rate: f64,
@@ -38,6 +44,15 @@ pub struct SessionSpec {
     pub initial_snow: Vec<SnowLayer>,
     /// Elevation of the ground; `None` is level ground.
     pub terrain: Option<Terrain>,
+    /// Length of a weather step \[s\], in alpine snow only: there it is always some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weather_step: Option<f64>,
+    /// Where and when alpine snow is; some in alpine snow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub site: Option<Arc<Site>>,
+    /// The weather that alpine snow begins in; some in alpine snow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weather: Option<Arc<WeatherInput>>,
 }
 
 /// Body of `POST /v1/sessions`; every field is optional.
@@ -50,16 +65,19 @@ pub struct SessionBody {
     pub preset: Preset,
     /// Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none.
     pub id: Option<String>,
+    /// Which physics the snow follows, for as long as the session lives.
+    pub physics: Physics,
     /// Size of the grid.
     pub grid: Grid,
     /// Material constants.
     pub material: MaterialSpec,
-    /// Temperature of the air \[°C\], and of fresh snow; the preset's where there is none.
-    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false, minimum = -40, maximum = 0))]
+    /// Temperature of the air \[°C\], and of fresh snow; the preset's where there is none. From −40 to 0; with the
+    /// physics `alpine` from −60 to 50, and where `weather` is given that of the weather.
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false, minimum = -60, maximum = 50))]
     #[serde(deserialize_with = "given")]
     pub air_temperature: Option<f64>,
-    /// Simulated seconds per second.
-    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 1000))]
+    /// Simulated seconds per second: up to 1000, with the physics `alpine` up to 100 000.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 100_000))]
     pub time_scale: f64,
     /// Ticks per second \[Hz\].
     #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 240))]
@@ -83,6 +101,19 @@ pub struct SessionBody {
     pub initial_snow: Vec<SnowLayer>,
     /// Elevation of the ground; `null` is level ground.
     pub terrain: Option<Terrain>,
+    /// Length of a weather step \[s\]; with the physics `alpine` only.
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false, minimum = 60, maximum = 3600, default = 900))]
+    #[serde(deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    pub weather_step: Option<f64>,
+    /// Where and when the snowpack is, and how its weather is measured; with the physics `alpine` only.
+    #[cfg_attr(feature = "schema", schema(value_type = Site, required = false))]
+    #[serde(deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    pub site: Option<Arc<Site>>,
+    /// The weather; with the physics `alpine` only. Where there is none it is steady: the air's temperature, 80 % of
+    /// humidity, wind of 2 m/s, and no short wave where the site does not tell where the sun stands.
+    #[cfg_attr(feature = "schema", schema(value_type = WeatherInput, required = false))]
+    #[serde(deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    pub weather: Option<Arc<WeatherInput>>,
 }
 
 /// Material constants of a snowpack to be made; those of its preset where there are none.
@@ -166,6 +197,7 @@ impl Default for SessionBody {
         SessionBody {
             preset: Preset::default(),
             id: None,
+            physics: Physics::default(),
             grid: Grid::default(),
             material: MaterialSpec::default(),
             air_temperature: None,
@@ -178,27 +210,39 @@ impl Default for SessionBody {
             delete_after_s: None,
             initial_snow: Vec::new(),
             terrain: None,
+            weather_step: None,
+            site: None,
+            weather: None,
         }
     }
 }
 
 impl From<SessionBody> for SessionSpec {
     fn from(body: SessionBody) -> Self {
-        SessionSpec {
+        let (physics, preset) = (body.physics, body.preset);
+        let material = preset.material();
+        let hardness_law = physics.hardness_law(material.hardness_law);
+        let mut spec = SessionSpec {
             id: body.id,
+            physics,
             grid: body.grid,
-            material: body.material.or(body.preset.material()),
-            air_temperature: body.air_temperature.unwrap_or(body.preset.air_temperature()),
+            material: body.material.or(Material { hardness_law, ..material }),
+            air_temperature: body.air_temperature.unwrap_or(preset.air_temperature()),
             time_scale: body.time_scale,
             tick_rate: body.tick_rate,
             paused: body.paused,
             snowfall_rate: body.snowfall_rate,
-            pressing: body.pressing.unwrap_or(body.preset.pressing()),
+            pressing: body.pressing.unwrap_or(physics.pressing(preset.pressing())),
             idle_timeout_s: body.idle_timeout_s,
             delete_after_s: body.delete_after_s,
             initial_snow: body.initial_snow,
             terrain: body.terrain,
-        }
+            weather_step: body.weather_step,
+            site: body.site,
+            weather: body.weather,
+        };
+        spec.complete_weather();
+        spec
     }
 }
 
@@ -217,6 +261,24 @@ impl MaterialSpec {
 }
 
 impl SessionSpec {
+    /// Fills in what alpine snow needs and nobody has said.
+    fn complete_weather(&mut self) {
+        if self.physics.is_thesis() {
+            return;
+        }
+        self.weather_step.get_or_insert(Physics::WEATHER_STEP);
+        let site = self.site.get_or_insert_default();
+        match &self.weather {
+            Some(weather) => self.air_temperature = weather.at(0.0).air_temperature,
+            None => {
+                let dark = site.sun(0.0).is_none().then_some(0.0);
+                let air_temperature = self.air_temperature;
+                let weather = Weather { air_temperature, shortwave: dark, ..Weather::default() };
+                self.weather = Some(Arc::new(weather.into()));
+            }
+        }
+    }
+
     /// The settings it asks for.
     pub fn settings(&self) -> Settings {
         Settings {

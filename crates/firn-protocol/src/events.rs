@@ -8,6 +8,7 @@ use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::session::{Progress, Settings, Stamp};
+use crate::weather::WeatherNow;
 
 /// Something that happened in a session, told to the subscriptions that want it while they last.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,6 +40,14 @@ pub enum Event {
         stamp: Stamp,
         /// All settings, as they are now.
         settings: Settings,
+    },
+    /// The weather of alpine snow is another from now on.
+    Weather {
+        /// When.
+        #[serde(flatten)]
+        stamp: Stamp,
+        /// What holds now.
+        now: WeatherNow,
     },
     /// The snow lies on other ground.
     Terrain {
@@ -94,6 +103,7 @@ impl Event {
             Event::Snowfall { .. } => Some(EventKind::Snowfall),
             Event::Clearing { .. } => Some(EventKind::Clearing),
             Event::Settings { .. } => Some(EventKind::Settings),
+            Event::Weather { .. } => Some(EventKind::Weather),
             Event::Terrain { .. } => Some(EventKind::Terrain),
             Event::Settled { .. } => Some(EventKind::Settled),
             Event::StepProgress { .. } => Some(EventKind::StepProgress),
@@ -108,6 +118,7 @@ impl Event {
             Event::Snowfall { stamp, .. }
             | Event::Clearing { stamp, .. }
             | Event::Settings { stamp, .. }
+            | Event::Weather { stamp, .. }
             | Event::Terrain { stamp, .. }
             | Event::Settled { stamp }
             | Event::StepProgress { stamp, .. }
@@ -127,6 +138,8 @@ pub enum EventKind {
     Clearing,
     /// [`Event::Settings`].
     Settings,
+    /// [`Event::Weather`].
+    Weather,
     /// [`Event::Terrain`].
     Terrain,
     /// [`Event::Settled`].
@@ -139,10 +152,11 @@ pub enum EventKind {
 
 impl EventKind {
     /// Every kind.
-    pub const ALL: [EventKind; 7] = [
+    pub const ALL: [EventKind; 8] = [
         EventKind::Snowfall,
         EventKind::Clearing,
         EventKind::Settings,
+        EventKind::Weather,
         EventKind::Terrain,
         EventKind::Settled,
         EventKind::StepProgress,

@@ -22,6 +22,7 @@ mod colliders;
 mod creation;
 mod events;
 pub mod heights;
+mod physics;
 mod probes;
 mod problem;
 mod samples;
@@ -34,6 +35,9 @@ mod subscription;
 mod usage;
 mod weather;
 
+pub use firn_snow::weather::{
+    HeightsAbove, Site, Start, SunPosition, Weather, WeatherInput, WeatherRow, WeatherSeries,
+};
 pub use firn_snow::{
     Body, Grid, HardnessLaw, LoadDistribution, Material, Part, Position, Preset, Pressing, Shape,
 };
@@ -45,6 +49,7 @@ pub use colliders::{
 };
 pub use creation::{MaterialSpec, SessionBody, SessionSpec, SnowLayer, Terrain};
 pub use events::{Event, EventKind, Events};
+pub use physics::Physics;
 pub use probes::{Load, Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use problem::{FieldError, Problem};
 pub use samples::{SampleBatch, SampleField, SampleFields, SampleReply};
@@ -58,6 +63,7 @@ pub use subscription::{ColumnRegion, DepthWatch, MOST_WATCHES, Resume, Subscribe
 pub use usage::{MemoryBytes, UsageView};
 pub use weather::{
     AirTemperature, AirTemperatureReply, Clearing, ClearingReply, Region, Snowfall, SnowfallReply,
+    WeatherNow, WeatherView,
 };
 
 /// Whether a client may use a name for a session or a collider: it matches `[A-Za-z0-9_-]{1,64}`.

@@ -1,9 +1,13 @@
 //! Bodies of requests and answers about a session: its settings, its time and its state.
 
 use std::fmt;
+use std::sync::Arc;
 
+use firn_snow::weather::Site;
 use firn_snow::{Grid, Material, Pressing};
 use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::physics::Physics;
 
 /// The settings of a session that can change while it lives.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,11 +38,11 @@ pub struct Settings {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct SettingsPatch {
-    /// Temperature of the air \[°C\].
-    #[cfg_attr(feature = "schema", schema(minimum = -40, maximum = 0))]
+    /// Temperature of the air \[°C\], from −40 to 0; in alpine snow from −60 to 50, and the weather becomes steady with it.
+    #[cfg_attr(feature = "schema", schema(minimum = -60, maximum = 50))]
     pub air_temperature: Option<f64>,
-    /// Simulated seconds per second.
-    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 1000))]
+    /// Simulated seconds per second: up to 1000, in alpine snow up to 100 000.
+    #[cfg_attr(feature = "schema", schema(minimum = 0, maximum = 100_000))]
     pub time_scale: Option<f64>,
     /// Whether time stands still.
     pub paused: Option<bool>,
@@ -104,6 +108,18 @@ pub struct SessionView {
     pub id: String,
     /// The tenant it belongs to; `null` where that is the operator.
     pub tenant: Option<String>,
+    /// Which physics the snow follows; that of the thesis where nothing is said.
+    #[serde(default, skip_serializing_if = "Physics::is_thesis")]
+    #[cfg_attr(feature = "schema", schema(required = false))]
+    pub physics: Physics,
+    /// Length of a weather step \[s\], where the snow is alpine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false))]
+    pub weather_step: Option<f64>,
+    /// Where and when the snowpack is, where the snow is alpine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = Site, required = false))]
+    pub site: Option<Arc<Site>>,
     /// Size of the grid.
     pub grid: Grid,
     /// Material constants.

@@ -79,7 +79,7 @@ pub struct MassView {
     /// When this holds.
     #[serde(flatten)]
     pub stamp: Stamp,
-    /// Mass of the snow, summed over its cells \[kg\].
+    /// Mass of the snow, summed over its cells \[kg\]; in alpine snow with what has fallen and is too thin for a cell.
     pub present: f64,
     /// Mass that has fallen \[kg\], the refused part included.
     pub fallen: f64,
@@ -90,6 +90,23 @@ pub struct MassView {
     /// Mass that lies on objects \[kg\].
     #[serde(default)]
     pub carried: f64,
-    /// fallen − refused − cleared − present − carried, in quanta of 2⁻¹⁸ kg/m² in one column: always 0.
+    /// Mass that rained \[kg\], where the snow is alpine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false))]
+    pub rained: Option<f64>,
+    /// Mass of vapour that settled on the snow \[kg\], where the snow is alpine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false))]
+    pub deposited: Option<f64>,
+    /// Mass that left as vapour \[kg\], where the snow is alpine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false))]
+    pub sublimated: Option<f64>,
+    /// Mass of water that ran off \[kg\], where the snow is alpine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false))]
+    pub runoff: Option<f64>,
+    /// fallen − refused − cleared − present − carried, in quanta of 2⁻¹⁸ kg/m² in one column: always 0. In alpine snow
+    /// what rained and was deposited is added, and what ran off and sublimated is taken off.
     pub imbalance_quanta: i64,
 }

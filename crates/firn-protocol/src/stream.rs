@@ -1,5 +1,6 @@
 //! Sub-protocols of a stream, its close codes, and the client's commands.
 
+use firn_snow::weather::WeatherInput;
 use serde::Serialize;
 
 use crate::{
@@ -167,6 +168,14 @@ pub enum Command {
         /// Which.
         #[serde(flatten)]
         air: AirTemperature,
+    },
+    /// Gives alpine snow another weather.
+    Weather {
+        /// A number for the answer.
+        id: i64,
+        /// Which.
+        #[serde(flatten)]
+        weather: WeatherInput,
     },
     /// Changes some settings.
     Set {

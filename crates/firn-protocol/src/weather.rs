@@ -1,5 +1,8 @@
-//! Snowfalls, clearings and the air's temperature.
+//! Snowfalls, clearings, the air's temperature, and the weather of alpine snow.
 
+use std::sync::Arc;
+
+use firn_snow::weather::{SunPosition, WeatherInput};
 use serde::{Deserialize, Serialize};
 
 use crate::session::Stamp;
@@ -12,11 +15,12 @@ pub struct Snowfall {
     /// Depth \[m\], at least `cell_size`/256.
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0, maximum = 1000))]
     pub depth: f64,
-    /// Density \[kg/m³\]; the material's `fresh_density` where there is none.
+    /// Density \[kg/m³\]; the material's `fresh_density` where there is none, in alpine snow that of new snow in this
+    /// weather.
     #[cfg_attr(feature = "schema", schema(minimum = 10, maximum = 917))]
     pub density: Option<f64>,
-    /// Temperature \[°C\]; the air's where there is none.
-    #[cfg_attr(feature = "schema", schema(minimum = -40, maximum = 0))]
+    /// Temperature \[°C\], in alpine snow down to −60; the air's where there is none, 0 at most.
+    #[cfg_attr(feature = "schema", schema(minimum = -60, maximum = 0))]
     pub temperature: Option<f64>,
     /// Where it falls; everywhere where there is none.
     pub region: Option<Region>,
@@ -75,8 +79,8 @@ pub struct Region {
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct AirTemperature {
-    /// Temperature \[°C\].
-    #[cfg_attr(feature = "schema", schema(minimum = -40, maximum = 0))]
+    /// Temperature \[°C\], from −40 to 0; in alpine snow from −60 to 50.
+    #[cfg_attr(feature = "schema", schema(minimum = -60, maximum = 50))]
     pub celsius: f64,
 }
 
@@ -113,4 +117,52 @@ pub struct AirTemperatureReply {
     pub stamp: Stamp,
     /// Temperature of the air \[°C\].
     pub celsius: f64,
+}
+
+/// The weather of alpine snow: what was told, and what holds now.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct WeatherView {
+    /// When this holds.
+    #[serde(flatten)]
+    pub stamp: Stamp,
+    /// Simulated time \[s\].
+    pub sim_time: f64,
+    /// Steps of weather that the snow has taken.
+    pub steps: u64,
+    /// What holds now.
+    pub now: WeatherNow,
+    /// What of that was not told but worked out: `shortwave`, `longwave`, `sun`, `pressure`, `cloud_cover`.
+    pub derived: Vec<String>,
+    /// What was told.
+    #[cfg_attr(feature = "schema", schema(value_type = WeatherInput))]
+    pub weather: Arc<WeatherInput>,
+}
+
+/// The weather at one time, with nothing left out but the sun where nobody knows where it stands.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct WeatherNow {
+    /// Temperature of the air \[°C\].
+    pub air_temperature: f64,
+    /// Relative humidity over water \[%\].
+    pub relative_humidity: f64,
+    /// Wind speed \[m/s\].
+    pub wind_speed: f64,
+    /// Where the wind comes from \[°\]; `null` where nobody has told.
+    pub wind_direction: Option<f64>,
+    /// Air pressure \[hPa\].
+    pub pressure: f64,
+    /// Snowfall, as water \[mm/h\].
+    pub snowfall: f64,
+    /// Rainfall \[mm/h\].
+    pub rainfall: f64,
+    /// Short-wave radiation on a level surface \[W/m²\].
+    pub shortwave: f64,
+    /// Long-wave radiation from the sky \[W/m²\].
+    pub longwave: f64,
+    /// Part of the sky that clouds cover, 0 to 1.
+    pub cloud_cover: f64,
+    /// Where the sun stands; `null` where nobody knows.
+    pub sun: Option<SunPosition>,
 }

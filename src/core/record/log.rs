@@ -270,7 +270,7 @@ impl Simulation {
         if self.portions.are_under_way() {
             return Left { append: None, checkpoint: None };
         }
-        let ran = self.flight.advance.run.cycles > 0;
+        let ran = self.flight.advance.run.cycles > 0 || self.flight.weathered > 0;
         let append = self.log.has_news(ran, now).then(|| {
             let (seq, anchor) = (self.session.mirror().seq, self.anchor());
             self.log.take(&self.session, seq, anchor)

@@ -6,7 +6,7 @@ use std::mem::size_of;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use firn_protocol::{Body, SessionSpec, SnowLayer};
+use firn_protocol::{Body, SessionSpec, Site, SnowLayer, WeatherInput};
 
 use crate::core::record::{Checkpoint, Entry, Identity, OVERHEAD, Stored};
 use crate::core::session::{Command, Stamping};
@@ -73,6 +73,9 @@ impl Command {
         let (removed, put) = match self {
             Command::Objects { removed, put } => (removed, put),
             Command::Ground(ground) => return ground.bytes(),
+            Command::Weather(weather) | Command::Settings { weather: Some(weather), .. } => {
+                return weather_bytes(weather);
+            }
             Command::ClearPath { path, .. } => return path.capacity() * size_of::<[f64; 2]>(),
             Command::Stamps(stamps) => {
                 let outlines = stamps.iter().map(|stamp| stamp.shape.heap_bytes()).sum::<usize>();
@@ -90,5 +93,11 @@ impl Command {
 
 /// Heap memory of a session's specification \[bytes\]. The ground is left out: copies share it.
 pub(crate) fn heap_bytes(spec: &SessionSpec) -> usize {
-    spec.initial_snow.capacity() * size_of::<SnowLayer>()
+    let weather = spec.weather.as_ref().map_or(0, weather_bytes);
+    let site = spec.site.as_ref().map_or(0, |_| SHARED + size_of::<Site>());
+    spec.initial_snow.capacity() * size_of::<SnowLayer>() + weather + site
+}
+
+fn weather_bytes(weather: &Arc<WeatherInput>) -> usize {
+    SHARED + size_of::<WeatherInput>() + weather.heap_bytes()
 }

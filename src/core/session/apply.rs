@@ -1,6 +1,7 @@
 //! Commands, carried out: live ones, and those of the journal.
 
 use firn_engine::frame::{Deposit, Edit, Stamp};
+use firn_protocol::WeatherInput;
 use firn_snow::{Body, ColumnRect, ColumnSet, Material, columns_along};
 use std::sync::Arc;
 
@@ -44,11 +45,19 @@ impl SessionState {
             Command::Stamps(stamps) => {
                 press(prints(stamps, &self.grid).into_iter().flatten(), orders)
             }
-            Command::Settings { settings, stiffness_exponent } => {
+            Command::Weather(weather) => {
+                self.hold(weather);
+                orders.changed = true;
+                Disturbed::default()
+            }
+            Command::Settings { settings, stiffness_exponent, weather } => {
                 let (old, new) = (self.settings, *settings);
-                let weather = (new.time_scale, new.tick_rate, new.snowfall_rate);
-                if weather != (old.time_scale, old.tick_rate, old.snowfall_rate) {
+                let snows = (new.time_scale, new.tick_rate, new.snowfall_rate);
+                if snows != (old.time_scale, old.tick_rate, old.snowfall_rate) {
                     self.falling.mark(self.clock.tick(), self.snowing());
+                }
+                if let Some(weather) = weather {
+                    self.hold(weather);
                 }
                 let rate = (new.time_scale, new.tick_rate) != (old.time_scale, old.tick_rate);
                 if rate {
@@ -84,6 +93,14 @@ impl SessionState {
                 orders.changed |= removed + put > 0;
                 Disturbed { tiles: Some(removed + put).filter(|tiles| *tiles > 0), all: false }
             }
+        }
+    }
+
+    /// Has some weather hold from now on.
+    fn hold(&mut self, weather: &Arc<WeatherInput>) {
+        self.falling.mark(self.clock.tick(), self.snowing());
+        if let Some(alpine) = &mut self.alpine {
+            alpine.weather = weather.clone();
         }
     }
 

@@ -1,9 +1,11 @@
 //! The changes a client can make to a session, the same over REST and the stream, and what is answered.
 
+use std::sync::Arc;
+
 use firn_protocol::{
     AirTemperature, AirTemperatureReply, BatchReply, Clearing, ClearingReply, ColliderBatch,
     ColliderPatch, ColliderReply, ColliderSpec, SettingsPatch, Snowfall, SnowfallReply, Stamp,
-    StampBatch, StampReply, StampSpec,
+    StampBatch, StampReply, StampSpec, WeatherInput,
 };
 use firn_snow::{Part, Shape};
 use serde::{Deserialize, Serialize};
@@ -20,6 +22,8 @@ pub enum Change {
     Clearing(Clearing),
     /// The air gets another temperature.
     AirTemperature(AirTemperature),
+    /// The weather is another from now on.
+    Weather(Arc<WeatherInput>),
     /// Settings change.
     Settings(SettingsPatch),
     /// A collider is created; taken where its id exists already.
@@ -78,6 +82,7 @@ impl Change {
                 clearing.path.as_ref().map_or(0, |path| size_of_val(&path[..]))
             }
             Change::Snowfall(_) | Change::AirTemperature(_) | Change::Settings(_) => 0,
+            Change::Weather(weather) => size_of::<WeatherInput>() + weather.heap_bytes(),
             Change::Stamps(batch) => {
                 let stamps = batch.stamps.iter();
                 stamps.map(|stamp| size_of::<StampSpec>() + stamp.shape.heap_bytes()).sum()

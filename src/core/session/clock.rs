@@ -35,6 +35,9 @@ pub struct Advance {
     pub ticks: u64,
     /// The cycles; none where the ticks only saved up time.
     pub run: Run,
+    /// Simulated time by which objects move in a cycle \[s\]: more than its own where a tick is too long for all of
+    /// its cycles to be carried out.
+    pub stride: f64,
     /// Ticks up to the first spending, from one to the next, and cycles in each.
     first: u64,
     each: u64,
@@ -95,6 +98,39 @@ impl Clock {
         self.pending.1 + (self.tick - self.pending.0) as f64 * self.dt
     }
 
+    /// Ticks until simulated time reaches some value \[s\], at least one; none where it never will.
+    pub fn ticks_until(&self, time: f64) -> Option<u64> {
+        if self.dt <= 0.0 {
+            return None;
+        }
+        let reached = |ticks: u64| {
+            self.mark.1 + (self.tick.saturating_add(ticks) - self.mark.0) as f64 * self.dt >= time
+        };
+        let mut ticks = (((time - self.sim_time()) / self.dt).ceil().max(1.0)) as u64;
+        // The quotient is rounded; the product decides.
+        while ticks > 1 && reached(ticks - 1) {
+            ticks -= 1;
+        }
+        // Where a tick is too short to be told from none, it never comes.
+        if !reached(ticks) {
+            ticks = ticks.checked_add(1).filter(|ticks| reached(*ticks))?;
+        }
+        Some(ticks)
+    }
+
+    /// The last frame before so many ticks have fallen after a frame.
+    pub fn frame_before(&self, from: u64, ticks: u64) -> u64 {
+        let frames = (ticks.saturating_sub(1) as f64 * FRAME_RATE / self.tick_rate) as u64;
+        let mut frame = from.saturating_add(frames);
+        while frame > from && self.ticks_between(from, frame) >= ticks {
+            frame -= 1;
+        }
+        while self.ticks_between(from, frame + 1) < ticks {
+            frame += 1;
+        }
+        frame
+    }
+
     /// Changes rate and scale from the present tick on.
     pub fn set_rate(&mut self, tick_rate: f64, time_scale: f64) {
         self.mark = (self.tick, self.sim_time());
@@ -122,6 +158,12 @@ impl Clock {
     /// Takes up to `ticks` ticks, no more than can be run as equal cycles of one length, and about
     /// `cycles` of them at the most.
     pub fn advance(&mut self, ticks: u64, cycles: u32) -> Advance {
+        self.advance_within(ticks, cycles, u32::MAX)
+    }
+
+    /// As [`Clock::advance`], but carries out no more than some cycles each time that time is spent: where that takes
+    /// more, nothing happens in the rest of it.
+    pub fn advance_within(&mut self, ticks: u64, cycles: u32, most: u32) -> Advance {
         if ticks == 0 {
             return Advance::default();
         }
@@ -130,7 +172,8 @@ impl Clock {
             return Advance { ticks, ..Advance::default() };
         };
         let spent = self.pending.1 + (self.tick + first - self.pending.0) as f64 * self.dt;
-        let count = cycles_in(spent);
+        let all = cycles_in(spent);
+        let count = all.min(f64::from(most));
         let each = ticks_until(DUE, self.dt).unwrap_or(u64::MAX);
         let alike = spent == each as f64 * self.dt;
         let spendings = if alike {
@@ -144,7 +187,8 @@ impl Clock {
         self.pending = (self.tick, 0.0);
         Advance {
             ticks: taken,
-            run: Run { cycles: spendings as u32 * count as u32, dt: spent / count },
+            run: Run { cycles: spendings as u32 * count as u32, dt: spent / all },
+            stride: spent / count,
             first,
             each,
             cycles: count as u32,

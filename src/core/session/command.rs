@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use firn_engine::frame::Stamp;
 use firn_engine::parallel;
-use firn_protocol::Settings;
+use firn_protocol::{Settings, WeatherInput};
 use firn_snow::{Body, ColumnRect, Coverage, Grid, Position, Shape, SurfaceLoad, Turn};
 use serde::{Deserialize, Serialize};
 
@@ -28,7 +28,15 @@ pub(crate) enum Command {
     /// Columns along a path are cleared to a depth in quanta.
     ClearPath { path: Vec<[f64; 2]>, width: f64, depth: u32 },
     /// All settings, as they become.
-    Settings { settings: Settings, stiffness_exponent: f64 },
+    Settings {
+        settings: Settings,
+        stiffness_exponent: f64,
+        /// The weather that goes with them, where that becomes another.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        weather: Option<Arc<WeatherInput>>,
+    },
+    /// The weather is another from now on.
+    Weather(Arc<WeatherInput>),
     /// Objects are taken away, then put.
     Objects { removed: Vec<Arc<str>>, put: Vec<(Arc<str>, Body)> },
     /// Loads press prints into the snow.

@@ -16,6 +16,7 @@ impl SessionState {
             Change::Snowfall(snowfall) => self.decide_snowfall(snowfall),
             Change::Clearing(clearing) => self.decide_clearing(clearing),
             Change::AirTemperature(air) => self.decide_air_temperature(air),
+            Change::Weather(weather) => self.decide_weather(weather),
             Change::Settings(patch) => self.decide_settings(patch),
             Change::CreateCollider(spec) => self.decide_new_object(spec, most),
             Change::PutCollider(spec) => self.decide_object(spec, most),

@@ -72,6 +72,17 @@ pub enum SessionError {
     Internal(String),
 }
 
+impl SessionError {
+    /// The snow of a session feels no weather.
+    pub fn feels_no_weather() -> SessionError {
+        SessionError::Conflict(
+            "the snow of this session has the physics 'thesis' and feels no weather; create a session with \
+             \"physics\": \"alpine\" for that, or let snow fall and set the temperature of the air"
+                .to_owned(),
+        )
+    }
+}
+
 impl From<EngineError> for SessionError {
     fn from(error: EngineError) -> SessionError {
         match error {

@@ -5,7 +5,7 @@ use firn_protocol::SessionSpec;
 use firn_snow::{CELL, ColumnRect, Grid, MASS_QUANTA, TILE_SIDE};
 use serde::{Deserialize, Serialize};
 
-use crate::core::session::Command;
+use crate::core::session::{Command, densest};
 
 /// Least depth that is deposited, h/256, in quanta.
 const LEAST: f64 = (CELL / 256) as f64;
@@ -107,14 +107,14 @@ impl Falling {
         // A tick may bring much, but no more than all slots of a column hold.
         let most = f64::from(spec.grid.height) * f64::from(CELL);
         let heaviest = |depth: f64| {
-            depth * spec.grid.cell_size * spec.material.max_density / 64.0 * 1.001 + 2.0
+            depth * spec.grid.cell_size * densest(&spec.material, spec.physics) / 64.0 * 1.001 + 2.0
         };
         let spreads = |spreading: Spreading| {
             let depth = spreading.depth as f64;
             snows
                 && (LEAST..=(1u64 << 53) as f64).contains(&depth)
                 && (1.0..=heaviest(depth)).contains(&(spreading.mass as f64))
-                && (-40.0..=0.0).contains(&spreading.celsius)
+                && (-60.0..=0.0).contains(&spreading.celsius)
                 && (1..Bands::of(&spec.grid).count).contains(&spreading.bands)
         };
         self.tick <= tick

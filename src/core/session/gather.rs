@@ -1,8 +1,12 @@
 //! Views made of the cells themselves, read back from the device on demand.
 
 use firn_engine::frame::ColumnRead;
-use firn_protocol::{ColumnView, LayerView, MassView, Reference, SampleBatch, SampleFields, Stamp};
-use firn_snow::{CELL, Cell, Column, ColumnRect, Grid, MASS_QUANTA, Material, Pressing, Sample};
+use firn_protocol::{
+    ColumnView, LayerView, MassView, Physics, Reference, SampleBatch, SampleFields, Stamp,
+};
+use firn_snow::{
+    CELL, Cell, Column, ColumnRect, Exchanged, Grid, MASS_QUANTA, Material, Pressing, Sample,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::{Outlet, Surface};
@@ -102,6 +106,29 @@ pub struct Ledger {
     /// Lies on objects.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub carried: u128,
+    /// What came and went with the weather of alpine snow.
+    #[serde(default, skip_serializing_if = "Exchange::is_none")]
+    pub weather: Exchange,
+}
+
+/// Mass that has come and gone with the weather of alpine snow, beside the snow that fell, in quanta summed over columns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Exchange {
+    /// Rained.
+    pub rained: u128,
+    /// Settled on the snow as hoar or water.
+    pub deposited: u128,
+    /// Left as vapour.
+    pub sublimated: u128,
+    /// Ran off.
+    pub runoff: u128,
+}
+
+impl Exchange {
+    fn is_none(&self) -> bool {
+        *self == Exchange::default()
+    }
 }
 
 fn is_zero(mass: &u128) -> bool {
@@ -111,18 +138,52 @@ fn is_zero(mass: &u128) -> bool {
 impl Ledger {
     /// Mass that must be present.
     pub fn present(&self) -> u128 {
-        self.fallen - self.refused - self.cleared - self.carried
+        self.fallen + self.weather.rained + self.weather.deposited
+            - self.refused
+            - self.cleared
+            - self.carried
+            - self.weather.sublimated
+            - self.weather.runoff
     }
 
-    /// The ledger beside the mass that a tally found.
-    pub(crate) fn view(&self, stamp: Stamp, present: u64, grid: &Grid) -> MassView {
+    /// Whether no more has gone than has come, and no more has come than in a million years of the heaviest snowfalls.
+    pub(crate) fn is_sound(&self) -> bool {
+        const MOST: u128 = 1 << 120;
+        let Exchange { rained, deposited, sublimated, runoff } = self.weather;
+        let came = [self.fallen, rained, deposited];
+        let went = [self.refused, self.cleared, self.carried, sublimated, runoff];
+        let small = came.iter().chain(&went).all(|mass| *mass < MOST);
+        small && went.iter().sum::<u128>() <= came.iter().sum()
+    }
+
+    /// Enters what steps of weather exchanged.
+    pub(crate) fn exchange(&mut self, found: &Exchanged) {
+        self.refused += u128::from(found.refused);
+        self.weather.deposited += u128::from(found.deposited);
+        self.weather.sublimated += u128::from(found.sublimated);
+        self.weather.runoff += u128::from(found.runoff);
+    }
+
+    /// The ledger beside the mass that is present.
+    pub(crate) fn view(
+        &self,
+        stamp: Stamp,
+        present: u128,
+        grid: &Grid,
+        physics: Physics,
+    ) -> MassView {
+        let weather = |mass| (physics == Physics::Alpine).then(|| grid.kilograms(mass));
         MassView {
             stamp,
-            present: grid.kilograms(present.into()),
+            present: grid.kilograms(present),
             fallen: grid.kilograms(self.fallen),
             refused: grid.kilograms(self.refused),
             cleared: grid.kilograms(self.cleared),
             carried: grid.kilograms(self.carried),
+            rained: weather(self.weather.rained),
+            deposited: weather(self.weather.deposited),
+            sublimated: weather(self.weather.sublimated),
+            runoff: weather(self.weather.runoff),
             imbalance_quanta: self.present() as i64 - present as i64,
         }
     }

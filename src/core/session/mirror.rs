@@ -8,7 +8,7 @@ use firn_engine::reserve::try_filled;
 use firn_protocol::{ColliderView, Progress, SessionSpec, Settings, Stamp, Summary};
 use firn_snow::{ColumnRect, Grid, Material, TILE_COLUMNS};
 
-use crate::core::session::{Clock, Ground};
+use crate::core::session::{Alpine, Clock, Ground};
 
 pub use firn_engine::published::TileColumns;
 
@@ -30,6 +30,10 @@ pub struct Mirror {
     /// Frame of the publication where ticks pass without changing anything since; `None` where
     /// every tick is published.
     pub resting_since: Option<u64>,
+    /// Ticks that pass so at the most: the next brings weather.
+    pub resting_ticks: u64,
+    /// The weather at `seq`, where the snow is alpine.
+    pub(crate) alpine: Option<Alpine>,
     /// Number of the newest published change.
     pub seq: u64,
     /// Whether no snow falls and the last executed cycle changed no cell.
@@ -104,6 +108,8 @@ impl Mirror {
             ground_version: 1,
             clock,
             resting_since: None,
+            resting_ticks: u64::MAX,
+            alpine: Alpine::new(spec),
             seq: 1,
             settled: true,
             active_tiles: 0,
@@ -214,7 +220,7 @@ impl Mirror {
     pub fn clock_at(&self, frame: u64) -> Clock {
         let mut clock = self.clock;
         if let Some(since) = self.resting_since {
-            clock.pass(clock.ticks_between(since, frame));
+            clock.pass(clock.ticks_between(since, frame).min(self.resting_ticks));
         }
         clock
     }

@@ -1,5 +1,6 @@
 //! One session: its state, what it is asked, what it does in a frame and what comes back.
 
+mod alpine;
 mod answer;
 mod apply;
 mod burden;
@@ -31,6 +32,7 @@ mod token;
 mod turn;
 mod weak;
 
+pub(crate) use alpine::Alpine;
 pub(crate) use answer::{Answer, Place, WaitingRoom};
 pub(crate) use apply::{Disturbed, press};
 pub(crate) use burden::Carried;
@@ -49,12 +51,13 @@ pub use mirror::{Mirror, TileColumns};
 pub(crate) use orders::{Counted, Flight, Gather, MOST_CHANGES, Orders, Reply, Told};
 pub(crate) use outlet::EVENT_BACKLOG;
 pub use outlet::Outlet;
-pub(crate) use portion::Portions;
+pub(crate) use portion::{Portions, weather_units};
 pub use publish::Publication;
 pub(crate) use reach::Reach;
 pub(crate) use receipt::{Receipted, Receipts};
 pub use simulation::Simulation;
 pub use spec::Limits;
+pub(crate) use spec::densest;
 pub(crate) use state::{Collider, SessionState};
 pub(crate) use step::{Goal, StepJob};
 pub use surface::Surface;

@@ -69,6 +69,8 @@ pub(crate) enum Counted {
 pub(crate) struct Flight {
     pub orders: Orders,
     pub advance: Advance,
+    /// Steps of weather.
+    pub weathered: u64,
     pub clock_before: Option<Clock>,
     pub publish: bool,
     /// Round that it is published in.
@@ -101,6 +103,7 @@ pub(crate) enum Told {
         edits: usize,
     },
     AirTemperature,
+    Weather,
     Collider {
         id: Arc<str>,
         created: bool,

@@ -212,6 +212,10 @@ impl Outlet {
             let Grid { width, depth, height, cell_size } = grid;
             format!("{width} × {depth} × {height} cells of {cell_size} m")
         };
+        if other.physics != own.physics {
+            let detail = "the snapshot is of snow with another physics than this session's";
+            return Err(SessionError::Invalid(vec![Invalid::new("", detail)]));
+        }
         if other.grid == own.grid {
             return Ok(());
         }

@@ -85,6 +85,11 @@ impl Portions {
         units > self.size
     }
 
+    /// Units that a frame should have at the most.
+    pub fn size(&self) -> u64 {
+        self.size
+    }
+
     /// Cycles that a frame should have, each of so many units: one at least.
     pub fn cycles(&self, units: u64) -> u32 {
         u32::try_from(self.size / units.max(1)).unwrap_or(u32::MAX).max(1)

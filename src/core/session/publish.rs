@@ -8,7 +8,7 @@ use firn_engine::parallel;
 use firn_engine::published::TileColumns;
 use firn_protocol::{
     AirTemperatureReply, BatchReply, ClearingReply, ColliderReply, ColliderView, Event, PrintView,
-    SnowfallReply, Stamp, StampReply,
+    SnowfallReply, Stamp, StampReply, WeatherNow,
 };
 use firn_snow::{Contact, Elevation, Grid, TILE_COLUMNS};
 
@@ -43,6 +43,7 @@ impl Simulation {
             self.portions.awake(outcome.active_tiles);
         }
         self.enter_ledger(&outcome.edits);
+        self.state.ledger.exchange(&outcome.exchanged);
         let was_settled = self.is_settled();
         self.conclude_run(outcome.last_change);
         if self.replay.is_some() {
@@ -55,12 +56,14 @@ impl Simulation {
         let settles = self.is_settled() && !was_settled;
         if self.flight.publish {
             let orders = std::mem::take(&mut self.flight.orders);
+            let weather = self.new_weather();
             let (stamp, changed) = self.publish(&orders, &outcome, tiles);
             let settled = settles.then_some(Event::Settled { stamp });
             let reset = orders.reset.then_some(Event::Reset { stamp });
             let step_ended = orders.step_told;
             let mut told = self.answer(orders, outcome, stamp, stored);
-            told.extend(reset.into_iter().chain(settled).map(Happening::from));
+            let weather = weather.map(|now| Event::Weather { stamp, now });
+            told.extend(reset.into_iter().chain(weather).chain(settled).map(Happening::from));
             self.tell(told);
             // Streams hear of events before heights, so that they tell both in one turn.
             if changed {
@@ -92,6 +95,16 @@ impl Simulation {
         }
     }
 
+    /// What holds of weather that was told since the last publication.
+    fn new_weather(&self) -> Option<WeatherNow> {
+        let alpine = self.state.alpine.as_ref()?;
+        let mirror = self.session.mirror();
+        let known = mirror.alpine.as_ref().map(|known| &known.weather);
+        let is_known = known
+            .is_some_and(|known| Arc::ptr_eq(known, &alpine.weather) || *known == alpine.weather);
+        (!is_known).then(|| alpine.now(self.state.clock.sim_time()))
+    }
+
     /// Brings the mirror up to date. Returns when, and whether anything has changed.
     fn publish<'a>(
         &mut self,
@@ -121,7 +134,7 @@ impl Simulation {
         }
         mirror.lie_on(self.ground(), seq);
         self.write_clock(&mut mirror);
-        mirror.active_tiles = outcome.active_tiles;
+        mirror.active_tiles = self.active_tiles(outcome);
         mirror.seq = seq;
         drop(mirror);
         self.unpublished = false;
@@ -149,17 +162,24 @@ impl Simulation {
         mirror.colliders_version = mirror.seq;
         let seq = mirror.seq;
         mirror.lie_on(self.ground(), seq);
-        mirror.active_tiles = outcome.active_tiles;
+        mirror.active_tiles = self.active_tiles(outcome);
         self.write_clock(&mut mirror);
+    }
+
+    /// Tiles in which something may move.
+    fn active_tiles(&self, outcome: &WorkOutcome) -> u32 {
+        if self.state.lies_alone() { 0 } else { outcome.active_tiles }
     }
 
     /// Everything of the mirror that costs nothing to copy.
     fn write_clock(&self, mirror: &mut Mirror) {
         mirror.clock = self.state.clock;
         mirror.resting_since = self.passes().then_some(self.frame);
+        mirror.resting_ticks = self.state.ticks_without_weather();
         mirror.settled = self.is_settled();
         mirror.mass_quanta = self.state.ledger.present();
-        mirror.settings = self.state.settings;
+        mirror.settings = self.state.settings_now();
+        mirror.alpine = self.state.alpine.clone();
         mirror.material = self.state.material;
         mirror.progress = self.step.as_ref().map(StepJob::progress);
     }
@@ -205,7 +225,8 @@ impl Simulation {
         }
         for answer in orders.tallies {
             let grid = &self.session.spec.grid;
-            answer.give(Ok(self.state.ledger.view(stamp, outcome.mass, grid)));
+            let present = u128::from(outcome.mass) + self.state.gathered();
+            answer.give(Ok(self.state.ledger.view(stamp, present, grid, self.state.physics())));
         }
         for ((_, answer), cells) in orders.samples.into_iter().zip(outcome.samples) {
             answer.give(Ok(Sampled { stamp, cells }));
@@ -240,7 +261,7 @@ impl Simulation {
                 Some(Happening { event, columns: Some(*columns) })
             }
             (Told::AirTemperature | Told::Settings, _) => {
-                Some(Event::Settings { stamp, settings: self.state.settings }.into())
+                Some(Event::Settings { stamp, settings: self.state.settings_now() }.into())
             }
             (Told::Ground, _) => {
                 let (lowest, highest) = (self.ground().lowest(), self.ground().highest());
@@ -266,7 +287,7 @@ impl Simulation {
             }
             Told::AirTemperature => Applied::AirTemperature(AirTemperatureReply {
                 stamp,
-                celsius: self.state.settings.air_temperature,
+                celsius: self.state.settings_now().air_temperature,
             }),
             Told::Collider { id, created } => {
                 let mirror = self.session.mirror();
@@ -298,7 +319,7 @@ impl Simulation {
             Told::Batch(results) => {
                 Applied::Batch(BatchReply { stamp, results: results.clone().map(|it| *it) })
             }
-            Told::Settings | Told::Ground | Told::Stamp => Applied::Stamp(stamp),
+            Told::Settings | Told::Weather | Told::Ground | Told::Stamp => Applied::Stamp(stamp),
         }
     }
 
@@ -328,9 +349,11 @@ impl Outlet {
         let seq = mirror.seq;
         mirror.lie_on(state.ground.as_ref().unwrap_or(&self.ground), seq);
         mirror.clock = state.clock;
-        mirror.settled = saved.description.settled && state.settings.snowfall_rate == 0.0;
+        mirror.settled = (saved.description.settled || state.lies_alone())
+            && state.settings.snowfall_rate == 0.0;
         mirror.mass_quanta = state.ledger.present();
-        mirror.settings = state.settings;
+        mirror.settings = state.settings_now();
+        mirror.alpine = state.alpine.clone();
         mirror.material = state.material;
     }
 }

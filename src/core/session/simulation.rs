@@ -3,14 +3,14 @@
 
 use std::sync::Arc;
 
-use firn_engine::frame::{Edit, Layout, SampleBox, Slot};
+use firn_engine::frame::{Contents, Edit, Layout, SampleBox, Slot, TileCells};
 use firn_protocol::{Reference, SessionSpec};
-use firn_snow::{Elevation, Floor};
+use firn_snow::{Elevation, Floor, Grid, TILE_COLUMNS};
 
 use crate::core::object_rows::ObjectRows;
 use crate::core::record::{Log, Replay};
 use crate::core::session::{
-    Answer, Beginning, CellBox, Charge, Command, Flight, Ground, Orders, Outlet, Portions,
+    Alpine, Answer, Beginning, CellBox, Charge, Command, Flight, Ground, Orders, Outlet, Portions,
     Receipted, Reply, SessionError, SessionState, StepJob,
 };
 use crate::core::snapshot::Snapshot;
@@ -23,6 +23,8 @@ pub struct Simulation {
     /// Place among all simulations.
     pub(crate) place: usize,
     pub(crate) state: SessionState,
+    /// It is to be in the coming frame, as a step of weather falls into it.
+    pub(crate) weather_due: bool,
     /// Frame up to which ticks have been counted, and ticks counted but not taken yet.
     pub(crate) frame: u64,
     pub(crate) owed: u64,
@@ -74,6 +76,7 @@ impl Simulation {
             place: 0,
             state: SessionState::new(spec),
             frame,
+            weather_due: false,
             owed: 0,
             object_rows,
             settled: spec.initial_snow.is_empty(),
@@ -110,8 +113,9 @@ impl Simulation {
         }
         let session = self.session.clone();
         for layer in &session.spec.initial_snow {
-            let density = layer.density.unwrap_or(self.state.material.fresh_density);
-            let celsius = layer.temperature.unwrap_or(self.state.settings.air_temperature) as f32;
+            let (density, celsius) = self.state.new_snow();
+            let density = layer.density.unwrap_or(density);
+            let celsius = layer.temperature.unwrap_or(celsius) as f32;
             let (columns, (depth, mass)) =
                 (self.state.grid.all(), self.state.quanta(layer.depth, density));
             self.carry_out(&Command::Deposit { columns, depth, mass, celsius });
@@ -163,7 +167,10 @@ impl Simulation {
         }
         let removed = before.colliders.into_keys();
         self.next.edits.extend(removed.map(|id| Edit::RemoveCollider { id }));
-        self.next.edits.push(Edit::Clear { columns: spec.grid.all(), depth: 0 });
+        self.next.edits.push(match &self.state.alpine {
+            None => Edit::Clear { columns: spec.grid.all(), depth: 0 },
+            Some(alpine) => bare(&spec.grid, alpine),
+        });
         self.next.edits.push(Edit::SetMaterial(spec.material));
         self.wake();
         self.settled = spec.initial_snow.is_empty();
@@ -178,7 +185,7 @@ impl Simulation {
             grid: spec.grid,
             material: spec.material,
             ground: ground.unwrap_or_default(),
-            surface: None,
+            surface: Alpine::new(spec).map(|alpine| alpine.surface()),
         }
     }
 
@@ -206,7 +213,9 @@ impl Simulation {
 
     /// Whether no snow falls, no object moves, and the last executed cycle changed no cell.
     pub(crate) fn is_settled(&self) -> bool {
-        self.settled && self.state.settings.snowfall_rate == 0.0 && !self.state.moves()
+        (self.settled || self.state.lies_alone())
+            && self.state.settings.snowfall_rate == 0.0
+            && !self.state.moves()
     }
 
     /// Whether nothing can move in any later tick, so that ticks pass by themselves.
@@ -216,6 +225,9 @@ impl Simulation {
 
     /// Whether nothing can move in any tick until it is disturbed, by snow that falls too.
     pub(crate) fn is_still(&self) -> bool {
+        if self.state.lies_alone() {
+            return true;
+        }
         let cycle = self.state.clock.steady_cycle();
         cycle.is_none_or(|dt| self.still && Some(dt) == self.last_dt && !self.state.is_restless())
     }
@@ -223,6 +235,20 @@ impl Simulation {
     /// Whether its ticks pass by themselves: nothing moves, and its time goes on.
     pub(crate) fn passes(&self) -> bool {
         !self.state.settings.paused && !self.frozen && self.is_resting()
+    }
+
+    /// Beat at which it is to be in a frame, although nothing happens before: a step of weather falls into it.
+    pub(crate) fn wakes_at(&self) -> Option<u64> {
+        let ticks = self.state.ticks_until_weather().filter(|_| self.passes())?;
+        Some(self.state.clock.frame_before(self.frame, ticks).saturating_add(1))
+    }
+
+    /// Takes part in the coming frame, where a step of weather falls into it.
+    pub(crate) fn wake_for_weather(&mut self, frame: u64) {
+        if self.wakes_at().is_some_and(|wakes| wakes <= frame) {
+            self.catch_up(frame);
+            self.weather_due = true;
+        }
     }
 
     /// Whether nobody has wanted it for so long that it hibernates.
@@ -236,7 +262,9 @@ impl Simulation {
         self.replay.is_some()
             || self.has_orders()
             || (!self.frozen
-                && (self.unpublished || (!self.state.settings.paused && !self.is_resting())))
+                && (self.unpublished
+                    || self.weather_due
+                    || (!self.state.settings.paused && !self.is_resting())))
     }
 
     /// Whether somebody waits for a frame.
@@ -250,8 +278,9 @@ impl Simulation {
     /// Deposits the continuous snowfall, where there is enough of it. Nobody waits for that: it goes with the
     /// next frame.
     pub(crate) fn deposit_falling(&mut self) {
-        let SessionState { clock, settings, grid, .. } = &self.state;
-        let (tick, celsius, grid) = (clock.tick(), settings.air_temperature as f32, *grid);
+        let SessionState { clock, grid, .. } = &self.state;
+        let (tick, grid) = (clock.tick(), *grid);
+        let celsius = self.state.snowing_celsius() as f32;
         let snowing = self.state.snowing();
         for command in self.state.falling.lay(tick, snowing, celsius, &grid) {
             self.carry_out(&command);
@@ -291,4 +320,12 @@ impl Simulation {
             job.answer.refuse(why);
         }
     }
+}
+
+/// Takes everything from a grid of alpine snow, and makes of its columns what they begin as.
+fn bare(grid: &Grid, alpine: &Alpine) -> Edit {
+    let surfaces = vec![alpine.surface(); TILE_COLUMNS as usize];
+    let tile = TileCells { surfaces, ..TileCells::empty(0) };
+    let tiles = Arc::new(vec![tile; grid.tiles() as usize]);
+    Edit::Restore(Arc::new(Contents { tiles, colliders: Vec::new() }))
 }

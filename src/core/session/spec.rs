@@ -1,6 +1,8 @@
 //! What a session may be created with.
 
-use firn_protocol::{SessionSpec, Settings, is_valid_id};
+use firn_protocol::{Physics, SessionSpec, Settings, is_valid_id};
+use firn_snow::alpine::{ICE_DENSITY, WATER_DENSITY};
+use firn_snow::weather::Problem as WeatherProblem;
 use firn_snow::{Grid, MAX_COLUMN_MASS, Material, Pressing};
 
 use crate::core::session::{Check, Ground, SessionError};
@@ -47,7 +49,8 @@ impl Limits {
         }
         self.check_grid(&mut check, &spec.grid);
         check_material(&mut check, spec);
-        check.settings(&spec.settings());
+        check.settings(&spec.settings(), spec.physics);
+        check_alpine(&mut check, spec);
         if spec.initial_snow.len() > MOST_LAYERS {
             let count = spec.initial_snow.len();
             check
@@ -57,10 +60,10 @@ impl Limits {
             let at = |field| format!("/initial_snow/{i}/{field}");
             check.snow_depth(at("depth"), layer.depth, &spec.grid);
             if let Some(celsius) = layer.temperature {
-                check.temperature(at("temperature"), celsius);
+                check.snow_temperature(at("temperature"), celsius, spec.physics);
             }
             if let Some(density) = layer.density {
-                check.snow_density(at("density"), density, &spec.material);
+                check.snow_density(at("density"), density, &spec.material, spec.physics);
             }
         }
         if let Some(terrain) = &spec.terrain {
@@ -98,9 +101,23 @@ impl Check {
         }
     }
 
-    /// Notes an air or snow temperature outside the range of the hardness laws.
-    pub fn temperature(&mut self, pointer: impl Into<String>, celsius: f64) {
-        self.range(pointer, celsius, -40.0, 0.0, "°C");
+    /// Notes a temperature of the air that its snow can't be under.
+    pub fn air_temperature(&mut self, pointer: &str, celsius: f64, physics: Physics) {
+        let (coldest, warmest) = physics.air_temperatures();
+        self.range(pointer, celsius, coldest, warmest, "°C");
+    }
+
+    /// Notes a temperature of fresh snow that there is not.
+    pub fn snow_temperature(&mut self, pointer: impl Into<String>, celsius: f64, physics: Physics) {
+        let (coldest, _) = physics.air_temperatures();
+        self.range(pointer, celsius, coldest, 0.0, "°C");
+    }
+
+    /// Notes what is wrong with a weather or a site that stands at some place.
+    pub fn weather(&mut self, at: &str, checked: Result<(), WeatherProblem>) {
+        if let Err(problem) = checked {
+            self.reject(format!("{at}{}", problem.pointer()), problem.message);
+        }
     }
 
     /// Notes a depth of fresh snow that is too thin to be kept, or absurd.
@@ -108,15 +125,25 @@ impl Check {
         self.range(pointer, depth, grid.cell_size / 256.0, 1000.0, "m");
     }
 
-    /// Notes a density of fresh snow that the material does not allow.
-    pub fn snow_density(&mut self, pointer: impl Into<String>, density: f64, material: &Material) {
-        self.range(pointer, density, 10.0, material.max_density, "kg/m³");
+    /// Notes a density of fresh snow that the material does not allow; alpine snow may be as dense as ice.
+    pub fn snow_density(
+        &mut self,
+        pointer: impl Into<String>,
+        density: f64,
+        material: &Material,
+        physics: Physics,
+    ) {
+        self.range(pointer, density, 10.0, densest(material, physics), "kg/m³");
     }
 
     /// Notes settings outside their ranges.
-    pub fn settings(&mut self, settings: &Settings) {
-        self.temperature("/air_temperature", settings.air_temperature);
-        self.range("/time_scale", settings.time_scale, 0.0, 1000.0, "");
+    pub fn settings(&mut self, settings: &Settings, physics: Physics) {
+        self.air_temperature("/air_temperature", settings.air_temperature, physics);
+        self.range("/time_scale", settings.time_scale, 0.0, physics.highest_time_scale(), "");
+        if physics == Physics::Alpine && settings.pressing == Pressing::Creep {
+            let detail = "is 'creep', which alpine snow does by itself; give seconds from 0 to 10";
+            self.reject("/pressing", detail);
+        }
         self.range("/tick_rate", settings.tick_rate, 1.0, 240.0, "Hz");
         self.range("/snowfall_rate", settings.snowfall_rate, 0.0, 100.0, "m/h");
         if let Pressing::Within(seconds) = settings.pressing {
@@ -133,19 +160,56 @@ impl Check {
     }
 }
 
+/// How dense snow can be that falls or lies \[kg/m³\].
+pub(crate) fn densest(material: &Material, physics: Physics) -> f64 {
+    match physics {
+        Physics::Thesis => material.max_density,
+        Physics::Alpine => f64::from(ICE_DENSITY),
+    }
+}
+
+/// Notes what only alpine snow may have, or may not.
+fn check_alpine(check: &mut Check, spec: &SessionSpec) {
+    let SessionSpec { physics, weather_step, site, weather, .. } = spec;
+    if *physics == Physics::Thesis {
+        for (pointer, given) in [
+            ("/weather_step", weather_step.is_some()),
+            ("/site", site.is_some()),
+            ("/weather", weather.is_some()),
+        ] {
+            if given {
+                check
+                    .reject(pointer, "needs \"physics\": \"alpine\"; leave it out, or choose that");
+            }
+        }
+        return;
+    }
+    if let Some(seconds) = weather_step {
+        check.range("/weather_step", *seconds, 60.0, 3600.0, "s");
+    }
+    let Some(site) = site else { return };
+    check.weather("/site", site.check());
+    if let Some(weather) = weather {
+        check.weather("/weather", weather.check(site));
+    }
+}
+
 fn check_material(check: &mut Check, spec: &SessionSpec) {
     let m = &spec.material;
     check.range("/material/max_density", m.max_density, 10.0, 917.0, "kg/m³");
     check.range("/material/fresh_density", m.fresh_density, 10.0, m.max_density, "kg/m³");
     check.range("/material/stiffness_exponent", m.stiffness_exponent, 3.0, 6.0, "");
     check.range("/material/grain_size_mm", m.grain_size_mm, 0.05, 10.0, "mm");
-    let heaviest = m.max_density.max(m.fresh_density);
+    let (heaviest, name) = match spec.physics {
+        Physics::Thesis => (m.max_density.max(m.fresh_density), "max_density"),
+        Physics::Alpine => (f64::from(WATER_DENSITY), "1000 kg/m³"),
+    };
     let mass = f64::from(spec.grid.height) * spec.grid.cell_size * heaviest;
     if mass > MAX_COLUMN_MASS {
         check.reject(
             "/grid/height",
             format!(
-                "height · cell_size · max_density is {mass} kg/m²; \
+                "height · cell_size · {name} is {mass} kg/m²; \
                  a column may hold at most {MAX_COLUMN_MASS} kg/m²"
             ),
         );

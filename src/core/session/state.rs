@@ -7,7 +7,7 @@ use firn_engine::frame::Placement;
 use firn_protocol::{SessionSpec, Settings};
 use firn_snow::{Body, Contact, Grid, Material};
 
-use crate::core::session::{Carried, Clock, Falling, Ground, Ledger, Reach, Snowing};
+use crate::core::session::{Alpine, Carried, Clock, Falling, Ground, Ledger, Reach, Snowing};
 
 /// The host's half of a snowpack: all but its cells. Changes are decided and applied here, without a device.
 #[derive(Clone, Debug)]
@@ -25,6 +25,8 @@ pub(crate) struct SessionState {
     pub falling: Falling,
     /// The ground, where it is no longer the one that the session was created with.
     pub ground: Option<Ground>,
+    /// The weather, where the snow is alpine.
+    pub alpine: Option<Alpine>,
 }
 
 /// An object on the snow.
@@ -55,13 +57,39 @@ impl SessionState {
             ledger: Ledger::default(),
             falling: Falling::default(),
             ground: None,
+            alpine: Alpine::new(spec),
         }
     }
 
     /// What falls in a tick.
     pub fn snowing(&self) -> Snowing {
         let rate = self.settings.snowfall_rate;
-        Snowing::new(rate, self.material.fresh_density, self.clock.dt(), &self.grid)
+        let density = match &self.alpine {
+            Some(alpine) if rate > 0.0 => Alpine::new_snow(&alpine.weather_of_step()).0,
+            _ => self.material.fresh_density,
+        };
+        Snowing::new(rate, density, self.clock.dt(), &self.grid)
+    }
+
+    /// Temperature of snow that falls by itself \[°C\].
+    pub fn snowing_celsius(&self) -> f64 {
+        let alpine = self.alpine.as_ref();
+        alpine.map_or(self.settings.air_temperature, |it| Alpine::new_snow(&it.weather_of_step()).1)
+    }
+
+    /// Density \[kg/m³\] and temperature \[°C\] of snow that falls now, where nobody says.
+    pub fn new_snow(&self) -> (f64, f64) {
+        match &self.alpine {
+            Some(alpine) => Alpine::new_snow(&alpine.weather.at(self.clock.sim_time())),
+            None => (self.material.fresh_density, self.settings.air_temperature),
+        }
+    }
+
+    /// The settings, with the temperature that the air has now.
+    pub fn settings_now(&self) -> Settings {
+        let Some(alpine) = &self.alpine else { return self.settings };
+        let air_temperature = alpine.weather.at(self.clock.sim_time()).air_temperature;
+        Settings { air_temperature, ..self.settings }
     }
 
     /// Ticks until snow that falls by itself is laid somewhere; none where it doesn't snow.

@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use firn_engine::frame::{Run, Work};
 
-use crate::core::session::{Advance, Flight, Goal, MOST_SAMPLES, Orders, Simulation};
+use crate::core::session::{
+    Advance, Clock, Flight, Goal, MOST_SAMPLES, Orders, Simulation, weather_units,
+};
 
 /// Cycles that are taken at once where they change nothing, and none of them is carried out.
 const CYCLES_AT_REST: u32 = 1 << 24;
@@ -28,6 +30,8 @@ pub(crate) struct Turn<'a> {
     pub sleep: bool,
     /// Time by which ticks have slipped \[µs\].
     pub slipped_us: &'a AtomicU64,
+    /// Steps of weather taken.
+    pub weather_steps: &'a AtomicU64,
 }
 
 impl Simulation {
@@ -40,14 +44,19 @@ impl Simulation {
         if self.state.settings.paused || self.frozen {
             self.frame = frame;
         } else if self.passes() {
-            self.state.clock.pass(self.state.clock.ticks_between(self.frame, frame));
-            self.frame = frame;
+            let due = self.state.clock.ticks_between(self.frame, frame);
+            let free = self.state.ticks_without_weather();
+            self.state.clock.pass(due.min(free));
+            // The tick with a step of weather is left for a frame.
+            let before_weather = |clock: &Clock| clock.frame_before(self.frame, free + 1);
+            self.frame = if due > free { before_weather(&self.state.clock) } else { frame };
         }
     }
 
     /// What this session does in a frame; `None` for nothing.
     pub(crate) fn plan(&mut self, turn: Turn) -> Option<Work> {
         self.flight.round = turn.round;
+        self.weather_due = false;
         if self.portions.are_under_way() {
             debug_assert!(self.next.edits.is_empty(), "changes wait for the end of the run");
             self.slip(turn.frame, turn.slipped_us);
@@ -55,13 +64,22 @@ impl Simulation {
             self.flight.publish |= publish && self.replay.is_none();
             return self.portions.go_on(self.flight.publish);
         }
+        if self.state.alpine.is_some() && self.step.is_none() {
+            self.catch_up(turn.frame);
+        }
         let clock_before = self.state.clock;
         let mut advance = self.take_ticks(turn);
+        let mut weathered = 0;
         if advance.ticks > 0 {
             let weighed = self.state.take_back(clock_before.tick(), &mut self.next);
             if weighed > 0 {
                 self.disturb(weighed);
             }
+            weathered = self.take_weather(clock_before.tick());
+            turn.weather_steps.fetch_add(weathered, Ordering::Relaxed);
+        }
+        if self.state.lies_alone() {
+            advance.run = Run::default();
         }
         if advance.run.cycles > 0 {
             if self.last_dt != Some(advance.run.dt) {
@@ -76,7 +94,8 @@ impl Simulation {
         self.unpublished |= advance.ticks > 0 || self.has_orders();
         let mut orders = std::mem::take(&mut self.next);
         self.state.weigh(&mut orders);
-        let moves = self.state.move_objects(run, advance.cycles_at_once(), &mut orders);
+        let strides = Run { dt: advance.stride, ..run };
+        let moves = self.state.move_objects(strides, advance.cycles_at_once(), &mut orders);
         let publish = match &self.replay {
             Some(replay) => replay.publishes(),
             None => orders.are_awaited() || (self.is_to_publish(turn) && self.unpublished),
@@ -104,7 +123,7 @@ impl Simulation {
             ..Work::default()
         };
         let (round, clock_before) = (turn.round, Some(clock_before));
-        self.flight = Flight { orders, advance, clock_before, publish, round };
+        self.flight = Flight { orders, advance, weathered, clock_before, publish, round };
         Some(self.portions.begin(work, self.units_of_cycle(), &self.session.spec.grid))
     }
 
@@ -119,7 +138,12 @@ impl Simulation {
     pub(crate) fn claims(&self, turn: Turn) -> bool {
         let stands_still =
             self.state.settings.paused || self.frozen || (turn.sleep && self.is_still());
-        let ticks = !stands_still && self.state.clock.ticks_between(self.frame, turn.frame) > 0;
+        let ticks = self.state.clock.ticks_between(self.frame, turn.frame);
+        let moves = !stands_still && ticks > 0;
+        let weathers = !self.frozen
+            && !self.state.settings.paused
+            && ticks > self.state.ticks_without_weather();
+        let ticks = moves || weathers;
         ticks || self.has_orders() || (self.unpublished && self.is_to_publish(turn))
     }
 
@@ -181,10 +205,9 @@ impl Simulation {
             self.state.clock.ticks_between(self.frame, turn.frame)
         };
         self.frame = turn.frame;
-        let snow = self.state.ticks_until_snow();
-        let most = if self.state.may_return(&self.next) { 1 } else { snow.unwrap_or(u64::MAX) };
-        let taken = if self.next.checkpoint { 0 } else { due.min(most) };
-        let passes = turn.sleep && self.is_still();
+        let taken = if self.next.checkpoint { 0 } else { due.min(self.most_ticks()) };
+        let passes = self.state.lies_alone()
+            || (turn.sleep && self.is_still() && taken <= self.state.ticks_without_weather());
         let units = self.units_of_cycle();
         let fitting = self.portions.cycles(units);
         let cycles = match counts {
@@ -193,10 +216,13 @@ impl Simulation {
             false => fitting,
         };
         let before = self.state.clock;
-        let mut advance = self.state.clock.advance(taken, cycles);
+        let most = self.state.most_cycles_of_tick();
+        let mut advance = self.state.clock.advance_within(taken, cycles, most);
         // Whatever falls at a tick is in its snapshot: that is not made in the frame of the tick.
-        let units = units.saturating_mul(advance.run.cycles.into());
-        let parted = !passes && self.portions.part(units);
+        let units = if passes { 0 } else { units.saturating_mul(advance.run.cycles.into()) };
+        let weather = self.state.steps_until(&self.state.clock);
+        let weather = weather.saturating_mul(weather_units(&self.state.grid));
+        let parted = self.portions.part(units.saturating_add(weather));
         let apart = parted || (advance.ticks > 0 && !self.next.snapshots.is_empty());
         self.answered_first = apart && !self.answered_first && self.answers_without_ticks();
         if self.answered_first {
@@ -204,6 +230,31 @@ impl Simulation {
         }
         self.owed = if counts { due - advance.ticks } else { 0 };
         advance
+    }
+
+    /// Ticks that can be taken at once: nothing falls or comes back before the last of them.
+    fn most_ticks(&self) -> u64 {
+        if self.state.may_return(&self.next) {
+            return 1.min(self.ticks_of_weather());
+        }
+        self.state.ticks_until_snow().unwrap_or(u64::MAX).min(self.ticks_of_weather())
+    }
+
+    /// Ticks that can be taken at once for the weather's sake. Where they are many, they take about two frames.
+    fn ticks_of_weather(&self) -> u64 {
+        let alone = self.state.lies_alone();
+        let units = self.portions.size().saturating_mul(2);
+        self.state.ticks_of_weather(units, weather_units(&self.state.grid), alone)
+    }
+
+    /// Takes the steps of weather that have ended; `tick` is the one before them. Returns how many they are.
+    fn take_weather(&mut self, tick: u64) -> u64 {
+        let steps = self.state.take_weather(tick, &mut self.next);
+        // Under objects the snow has settled or grown soft.
+        if steps > 0 && !self.state.lies_alone() {
+            self.disturb(self.state.tiles_under_objects());
+        }
+        steps
     }
 
     /// Takes in that it took some time of a frame, and fits to that what the next one takes on.

@@ -5,8 +5,9 @@ use std::io::Read;
 
 use firn_engine::frame::TileCells;
 use firn_engine::reserve::try_filled;
-use firn_protocol::SessionSpec;
-use firn_snow::{CELL, TILE_COLUMNS};
+use firn_protocol::{Physics, SessionSpec};
+use firn_snow::alpine::{ICE_DENSITY, Surface, WATER_DENSITY};
+use firn_snow::{CELL, Cell, TILE_COLUMNS};
 
 use crate::core::session::SessionError;
 use crate::core::snapshot::{columns, refused};
@@ -74,24 +75,44 @@ impl<'a> Body<'a> {
             tiles[tile].temperature[at] = f32::from_bits(word);
         })?;
         self.plane(spec, &counts, |tile, at, word| tiles[tile].stress[at] = f32::from_bits(word))?;
-        let celsius = -40.0..=0.0;
-        // A thousandth, and two quanta, for what is rounded.
-        let densest = grid.cell_size * spec.material.max_density / 64.0 * 1.001;
-        let is_sound = |tile: &TileCells, at: usize| {
-            let (mass, thickness) = (f64::from(tile.mass[at]), tile.thickness[at]);
-            mass > 0.0
-                && mass <= f64::from(thickness) * densest + 2.0
-                && (1..=CELL).contains(&thickness)
-                && celsius.contains(&tile.temperature[at])
-                && tile.stress[at].is_finite()
-        };
+        let is_sound = |tile: &TileCells, at: usize| is_sound(spec, &tile.cell(at));
         let mut all = columns(spec).zip(&counts);
         if !all.all(|((tile, column), &count)| {
             places(column, count).all(|at| is_sound(&tiles[tile], at))
         }) {
             return Err(refused("a cell is not what a server would have saved"));
         }
+        if spec.physics == Physics::Alpine {
+            self.surfaces(spec, &mut tiles)?;
+        }
         Ok(tiles)
+    }
+
+    /// What each column of alpine snow has beside its cells.
+    fn surfaces(
+        &mut self,
+        spec: &SessionSpec,
+        tiles: &mut [TileCells],
+    ) -> Result<(), SessionError> {
+        for tile in tiles.iter_mut() {
+            let bare = Surface { albedo: 0.0, skin: 0.0, soil: [0.0; 4], runoff: 0 };
+            tile.surfaces = try_filled(TILE_COLUMNS as usize, bare).map_err(no_memory)?;
+        }
+        let mut all = columns(spec);
+        let mut left = spec.grid.columns();
+        while left > 0 {
+            let part = left.min(WORDS_AT_ONCE);
+            let bytes = self.bytes(32 * part)?;
+            for (bytes, (tile, column)) in bytes.as_chunks::<32>().0.iter().zip(&mut all) {
+                let surface = surface(bytes);
+                if !is_sound_surface(&surface) {
+                    return Err(refused("a surface is not what a server would have saved"));
+                }
+                tiles[tile].surfaces[column as usize] = surface;
+            }
+            left -= part;
+        }
+        Ok(())
     }
 
     /// Reads a number of every cell, column by column, and puts each where it belongs.
@@ -127,6 +148,54 @@ impl<'a> Body<'a> {
         }
         Ok(())
     }
+}
+
+/// Whether a cell is one that a server would have saved.
+fn is_sound(spec: &SessionSpec, cell: &Cell) -> bool {
+    // A thousandth, and two quanta, for what is rounded.
+    let most = |density: f64| {
+        f64::from(cell.thickness) * spec.grid.cell_size * density / 64.0 * 1.001 + 2.0
+    };
+    let heats = match spec.physics {
+        Physics::Thesis => {
+            f64::from(cell.mass) <= most(spec.material.max_density)
+                && (-40.0..=0.0).contains(&cell.temperature)
+        }
+        // Its word says whether it is wet.
+        Physics::Alpine => {
+            let cold = (-100.0..=0.0).contains(&cell.temperature);
+            let wet = cell.temperature >= 2.0 && cell.water() <= cell.mass;
+            (cold || wet) && {
+                let room = f64::from(cell.ice()) / most(f64::from(ICE_DENSITY))
+                    + f64::from(cell.water()) / most(f64::from(WATER_DENSITY));
+                room <= 1.0
+            }
+        }
+    };
+    cell.mass > 0 && (1..=CELL).contains(&cell.thickness) && heats && cell.stress.is_finite()
+}
+
+/// What is written of a column beside its cells.
+fn surface(bytes: &[u8; 32]) -> Surface {
+    let word = |at: usize| {
+        let at = 4 * at;
+        [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]
+    };
+    let number = |at: usize| f32::from_le_bytes(word(at));
+    let [low, high] = [6, 7].map(|at| u64::from(u32::from_le_bytes(word(at))));
+    Surface {
+        albedo: number(0),
+        skin: number(1),
+        soil: [2, 3, 4, 5].map(number),
+        runoff: low | high << 32,
+    }
+}
+
+fn is_sound_surface(surface: &Surface) -> bool {
+    let earthly = |celsius: &f32| (-150.0..=150.0).contains(celsius);
+    (0.0..=1.0).contains(&surface.albedo)
+        && earthly(&surface.skin)
+        && surface.soil.iter().all(earthly)
 }
 
 /// Where the cells of a column are in its tile.

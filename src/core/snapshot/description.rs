@@ -3,12 +3,14 @@
 use std::sync::Arc;
 
 use firn_engine::frame::TileCells;
-use firn_protocol::{SessionSpec, Settings};
+use firn_protocol::{Physics, SessionSpec, Settings, Site, WeatherInput};
+use firn_snow::alpine::Gathering;
 use firn_snow::{Body, Contact, Elevation, Grid, Material};
 use serde::{Deserialize, Serialize};
 
 use crate::core::session::{
-    Carried, Check, Clock, Collider, Falling, Ground, Ledger, Limits, SessionError, SessionState,
+    Alpine, Carried, Check, Clock, Collider, Falling, Ground, Ledger, Limits, SessionError,
+    SessionState,
 };
 use crate::core::snapshot::refused;
 
@@ -30,7 +32,37 @@ pub struct Description {
     pub ledger: Ledger,
     pub settled: bool,
     pub last_cycle: Option<f64>,
+    /// The weather, where the snow is alpine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alpine: Option<SavedAlpine>,
     pub colliders: Vec<SavedCollider>,
+}
+
+/// The weather of alpine snow, and how far the snow had come in it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedAlpine {
+    /// Where it is no longer that of the specification.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weather: Option<Arc<WeatherInput>>,
+    pub site: Arc<Site>,
+    pub step: f64,
+    pub steps: u64,
+    pub gathering: Gathering,
+}
+
+impl SavedAlpine {
+    pub(crate) fn new(alpine: &Alpine, spec: &SessionSpec) -> SavedAlpine {
+        let Alpine { weather, site, step, steps, gathering } = alpine.clone();
+        let weather = Some(weather).filter(|weather| spec.weather.as_ref() != Some(weather));
+        SavedAlpine { weather, site, step, steps, gathering }
+    }
+
+    fn alpine(&self, spec: &SessionSpec) -> Option<Alpine> {
+        let weather = self.weather.clone().or_else(|| spec.weather.clone())?;
+        let SavedAlpine { site, step, steps, gathering, .. } = self.clone();
+        Some(Alpine { weather, site, step, steps, gathering })
+    }
 }
 
 /// An object and how it touched the snow.
@@ -74,6 +106,29 @@ impl Description {
             ledger: self.ledger,
             falling: self.falling,
             ground,
+            alpine: self.alpine(),
+        }
+    }
+
+    /// The weather, where the snow is alpine.
+    fn alpine(&self) -> Option<Alpine> {
+        self.alpine.as_ref()?.alpine(&self.spec)
+    }
+
+    /// Notes what is wrong with the weather of alpine snow.
+    fn check_alpine(&self, check: &mut Check) {
+        let alpine = self.alpine();
+        let sound = match &alpine {
+            None => self.spec.physics == Physics::Thesis && self.alpine.is_none(),
+            Some(alpine) => {
+                check.range("/alpine/step", alpine.step, 60.0, 3600.0, "s");
+                check.weather("/alpine/site", alpine.site.check());
+                check.weather("/alpine/weather", alpine.weather.check(&alpine.site));
+                self.spec.physics == Physics::Alpine && alpine.is_sound(&self.clock)
+            }
+        };
+        if !sound {
+            check.reject("/alpine", "is not what a server would have saved");
         }
     }
 
@@ -96,23 +151,21 @@ impl Description {
     pub fn check(&self, limits: &Limits) -> Result<(), SessionError> {
         limits.check(&self.spec)?;
         let mut check = Check::default();
-        check.settings(&self.settings);
+        check.settings(&self.settings, self.spec.physics);
+        self.check_alpine(&mut check);
         check.range("/material/stiffness_exponent", self.material.stiffness_exponent, 3.0, 6.0, "");
         let fixed =
             Material { stiffness_exponent: self.spec.material.stiffness_exponent, ..self.material };
         let clock_fits = self.clock.is_sound(self.settings.tick_rate, self.settings.time_scale);
         let snows = self.settings.snowfall_rate > 0.0;
         let ledger = &self.ledger;
-        let out = ledger.refused.checked_add(ledger.cleared);
-        let out = out.and_then(|out| out.checked_add(ledger.carried));
         let carried = self.colliders.iter().map(|saved| saved.carried.mass()).sum::<u128>();
         for (pointer, sound) in [
             ("/spec/id", self.spec.id.is_none()),
             ("/material", fixed == self.spec.material),
             ("/clock", clock_fits),
             ("/falling", self.falling.is_sound(self.clock.tick(), snows, &self.spec)),
-            // Not more than falls in a million years of the heaviest snowfalls.
-            ("/ledger", out.is_some_and(|out| out <= ledger.fallen) && ledger.fallen < 1 << 120),
+            ("/ledger", ledger.is_sound()),
             ("/ledger/carried", ledger.carried == carried),
             ("/last_cycle", self.last_cycle.is_none_or(|dt| (0.0..=1.0).contains(&dt))),
             ("/colliders", self.colliders.len() <= limits.colliders_per_session),
@@ -144,7 +197,9 @@ impl Description {
     /// Compares the mass of the cells with the ledger.
     pub fn check_mass(&self, tiles: &[TileCells]) -> Result<(), SessionError> {
         let mass: u64 = tiles.iter().flat_map(|tile| &tile.mass).map(|&mass| u64::from(mass)).sum();
-        if u128::from(mass) == self.ledger.present() {
+        let gathered = self.alpine.as_ref().map_or(0, |alpine| alpine.gathering.mass);
+        let gathered = u128::from(gathered) * u128::from(self.spec.grid.columns());
+        if u128::from(mass) + gathered == self.ledger.present() {
             return Ok(());
         }
         Err(refused("the mass of its cells is not that of its ledger"))

@@ -24,6 +24,7 @@ pub mod terrain;
 pub mod tokens;
 pub mod unlock;
 pub mod usage;
+pub mod weather;
 
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Response};

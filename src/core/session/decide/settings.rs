@@ -20,10 +20,11 @@ impl SessionState {
         let stiffness_exponent =
             patch.stiffness_exponent.unwrap_or(self.material.stiffness_exponent);
         let mut check = Check::default();
-        check.settings(&settings);
+        check.settings(&settings, self.physics());
         check.range("/stiffness_exponent", stiffness_exponent, 3.0, 6.0, "");
         check.finish()?;
-        let command = Command::Settings { settings, stiffness_exponent };
+        let weather = patch.air_temperature.and_then(|celsius| self.weather_with(celsius));
+        let command = Command::Settings { settings, stiffness_exponent, weather };
         Ok(Decision { command, told: Told::Settings })
     }
 }

@@ -1,6 +1,8 @@
 //! Snow that falls or is cleared, and the air above it.
 
-use firn_protocol::{AirTemperature, Clearing, Region, Settings, Snowfall};
+use std::sync::Arc;
+
+use firn_protocol::{AirTemperature, Clearing, Region, Settings, Snowfall, Weather, WeatherInput};
 use firn_snow::{ColumnRect, Grid, MASS_QUANTA, columns_along, rows_along};
 
 use crate::core::session::{
@@ -21,10 +23,11 @@ impl SessionState {
         let grid = &self.grid;
         let mut check = Check::default();
         check.snow_depth("/depth", snowfall.depth, grid);
-        let density = snowfall.density.unwrap_or(self.material.fresh_density);
-        check.snow_density("/density", density, &self.material);
-        let celsius = snowfall.temperature.unwrap_or(self.settings.air_temperature);
-        check.temperature("/temperature", celsius);
+        let (density, celsius) = self.new_snow();
+        let density = snowfall.density.unwrap_or(density);
+        check.snow_density("/density", density, &self.material, self.physics());
+        let celsius = snowfall.temperature.unwrap_or(celsius);
+        check.snow_temperature("/temperature", celsius, self.physics());
         let columns = columns_in(snowfall.region.as_ref(), grid, &mut check);
         check.finish()?;
         let (depth, mass) = self.quanta(snowfall.depth, density);
@@ -64,12 +67,33 @@ impl SessionState {
         air: &AirTemperature,
     ) -> Result<Decision, SessionError> {
         let mut check = Check::default();
-        check.temperature("/celsius", air.celsius);
+        check.air_temperature("/celsius", air.celsius, self.physics());
         check.finish()?;
         let settings = Settings { air_temperature: air.celsius, ..self.settings };
         let stiffness_exponent = self.material.stiffness_exponent;
-        let command = Command::Settings { settings, stiffness_exponent };
+        let weather = self.weather_with(air.celsius);
+        let command = Command::Settings { settings, stiffness_exponent, weather };
         Ok(Decision { command, told: Told::AirTemperature })
+    }
+
+    pub(crate) fn decide_weather(
+        &self,
+        weather: &Arc<WeatherInput>,
+    ) -> Result<Decision, SessionError> {
+        let Some(alpine) = &self.alpine else {
+            return Err(SessionError::feels_no_weather());
+        };
+        let mut check = Check::default();
+        check.weather("", weather.check(&alpine.site));
+        check.finish()?;
+        Ok(Decision { command: Command::Weather(weather.clone()), told: Told::Weather })
+    }
+
+    /// Steady weather, as it is now but for the temperature of the air \[°C\]; none where the snow feels none.
+    pub(crate) fn weather_with(&self, celsius: f64) -> Option<Arc<WeatherInput>> {
+        let now = self.alpine.as_ref()?.weather.at(self.clock.sim_time());
+        let weather = Weather { air_temperature: celsius, ..now };
+        Some(Arc::new(weather.into()))
     }
 }
 
