@@ -70,7 +70,7 @@ fn level(grid: Grid, column: &Column) -> Snowpack {
     let mut column = column.clone();
     column.stress(&grid, &MATERIAL, &[]);
     for tile in 0..grid.tiles() {
-        snowpack.restore_tile(tile, std::iter::repeat_n(column.clone(), 64));
+        snowpack.restore_tile(tile, std::iter::repeat_n(column.clone(), 64), &[]);
     }
     snowpack.set_pressing(Pressing::Within(0.25));
     snowpack.evaluate();

@@ -15,6 +15,10 @@ const SOIL_CAPACITY: f32 = 2.5e6;
 /// Heat of fusion of the water in soil \[J/m³\], which freezes from 0 down to −1 °C.
 const SOIL_FUSION: f32 = 0.5 * FUSION * 1000.0;
 
+/// Least half of a cell's resistance \[m² K/W\], that of some micrometres of snow: through less, f32 tells no heat
+/// that is conducted from the rounding of temperatures.
+const LEAST_HALF: f32 = 1e-4;
+
 /// Heat that comes from below the soil \[W/m²\].
 pub(super) const GROUND_HEAT: f32 = 2.0;
 
@@ -48,7 +52,13 @@ pub(super) fn conductivity(density: f32) -> f32 {
 #[inline]
 pub(super) fn half_of(cell: &Cell, metres: f32) -> f32 {
     let thickness = cell.thickness as f32 * metres;
-    half(thickness, conductivity(kilograms(cell.ice()) / thickness))
+    half(thickness, conductivity(kilograms(cell.ice()) / thickness)).max(LEAST_HALF)
+}
+
+/// Heat that warms a layer of soil of a temperature \[°C\] by 1 K \[J/(m² K)\].
+pub(super) fn capacity_of_soil(layer: usize, temperature: f32) -> f32 {
+    let freezing = if temperature > -1.0 && temperature < 0.0 { SOIL_FUSION } else { 0.0 };
+    (SOIL_CAPACITY + freezing) * SOIL_THICKNESS[layer]
 }
 
 /// Half the resistance of the topmost layer of soil \[m² K/W\].
@@ -73,8 +83,7 @@ impl Scratch {
         let first = cells.first().map_or(0.0, |cell| half_of(cell, metres));
         for layer in (0..4).rev() {
             let temperature = soil[layer];
-            let freezing = if temperature > -1.0 && temperature < 0.0 { SOIL_FUSION } else { 0.0 };
-            let capacity = (SOIL_CAPACITY + freezing) * SOIL_THICKNESS[layer] / seconds;
+            let capacity = capacity_of_soil(layer, temperature) / seconds;
             let own = half(SOIL_THICKNESS[layer], SOIL_CONDUCTIVITY);
             let above = match layer {
                 0 => first,
@@ -103,6 +112,18 @@ impl Scratch {
     /// Temperature of a cell, from that of the element above it.
     pub(super) fn cell(&self, index: usize, above: f32) -> f32 {
         self.cells[index].free + self.cells[index].bound * above
+    }
+
+    /// Substitutes the soil under snow. Energy that has found no snow left to melt \[J/m²\] warms it, to no more than the
+    /// air or than it was; what is left of that goes back into the air, and is returned.
+    pub(super) fn ground(&self, surface: &mut Surface, above: f32, air: f32, energy: f32) -> f32 {
+        let before = surface.soil[0];
+        self.soil(surface, above);
+        let capacity = capacity_of_soil(0, before);
+        let room = capacity * (air.max(before) - surface.soil[0]).max(0.0);
+        let taken = energy.min(room);
+        surface.soil[0] += taken / capacity;
+        energy - taken
     }
 
     /// Substitutes the soil, from the temperature above it \[°C\].

@@ -4,6 +4,7 @@
 use super::wet::{capacity, kilograms, part, quanta};
 use super::{FUSION, ICE_DENSITY, MASS_QUANTUM, WATER_DENSITY};
 use crate::column::Cell;
+use crate::grid::CELL;
 use crate::material::GRAVITY;
 
 /// Part of the pores that holds water against gravity.
@@ -53,12 +54,14 @@ pub(super) struct Descent {
     pub vapour: u32,
     /// Vapour is taken from water first.
     pub from_water: bool,
-    /// Energy that melts \[J/m²\].
+    /// Energy that melts \[J/m²\]; that of the skin, and of cells that are gone.
     pub energy: f32,
     /// Water in mass quanta.
     pub water: u32,
     /// Mass of the cells above, in quanta.
     pub above: u32,
+    /// Heat that vapour has taken with it \[J/m²\], as ice or water, of which a part has melted before.
+    pub taken: f32,
 }
 
 impl Descent {
@@ -70,6 +73,7 @@ impl Descent {
             self.soak(layer);
         }
         if layer.ice == 0 {
+            self.energy += capacity(0, layer.water) * layer.celsius;
             self.water += std::mem::take(&mut layer.water);
             return;
         }
@@ -86,15 +90,24 @@ impl Descent {
             let water = self.vapour.min(layer.water);
             layer.water -= water;
             self.vapour -= water;
+            self.taken += capacity(0, water) * layer.celsius + FUSION * kilograms(water);
         }
         let ice = self.vapour.min(layer.ice);
         layer.lose(ice);
+        self.taken += capacity(ice, 0) * layer.celsius;
         self.vapour -= ice;
     }
 
-    /// Melts from the skin: a cell is warmed to 0 °C first.
+    /// Melts by the skin's energy and by what the cell has above 0 °C; a cold cell is warmed to 0 °C first.
     fn melt(&mut self, layer: &mut Layer) {
-        if self.energy <= 0.0 || layer.ice == 0 {
+        if layer.ice == 0 {
+            return;
+        }
+        if layer.celsius > 0.0 {
+            self.energy += capacity(layer.ice, layer.water) * layer.celsius;
+            layer.celsius = 0.0;
+        }
+        if self.energy <= 0.0 {
             return;
         }
         if layer.celsius < 0.0 {
@@ -115,28 +128,33 @@ impl Descent {
         self.energy = if all { self.energy - FUSION * kilograms(melted) } else { 0.0 };
     }
 
-    /// Takes in the water from above; warmth melts, cold freezes.
+    /// Takes in the water from above, which freezes by the cell's cold as far as ice has room.
     fn soak(&mut self, layer: &mut Layer) {
         let heat = capacity(layer.ice, layer.water) * layer.celsius;
         layer.water += std::mem::take(&mut self.water);
-        if heat > 0.0 {
-            let melted = quanta(heat / FUSION).min(layer.ice);
-            layer.lose(melted);
-            layer.water += melted;
-            layer.celsius = 0.0;
-        } else if layer.water > 0 {
-            let frozen = quanta(-heat / FUSION).min(layer.water);
+        if layer.water > 0 {
+            let cold = quanta(-heat / FUSION);
+            let room = quanta(self.pores(layer) * ICE_DENSITY);
+            let frozen = cold.min(layer.water).min(room);
             layer.ice += frozen;
             layer.water -= frozen;
             let left = heat + FUSION * kilograms(frozen);
-            layer.celsius = left / capacity(layer.ice, layer.water);
+            let celsius = left / capacity(layer.ice, 0);
+            layer.celsius = if frozen == cold { 0.0 } else { celsius };
         }
     }
 
-    /// Lets go of the water that the pores don't hold.
+    /// Part of a cell that is not ice \[m\].
+    fn pores(&self, layer: &Layer) -> f32 {
+        layer.thickness as f32 * self.metres - kilograms(layer.ice) / ICE_DENSITY
+    }
+
+    /// Lets go of the water that the pores don't hold. Cold snow with water left has no pores to speak of.
     fn drain(&mut self, layer: &mut Layer) {
-        let pores = layer.thickness as f32 * self.metres - kilograms(layer.ice) / ICE_DENSITY;
-        let held = quanta(HELD * WATER_DENSITY * pores);
+        let held = match layer.celsius < 0.0 {
+            true => 0,
+            false => quanta(HELD * WATER_DENSITY * self.pores(layer)),
+        };
         if layer.water > held {
             self.water = layer.water - held;
             layer.water = held;
@@ -160,6 +178,6 @@ impl Descent {
         let settled = part(layer.thickness, (-strain).exp());
         let solid = kilograms(layer.ice) / ICE_DENSITY + kilograms(layer.water) / WATER_DENSITY;
         let least = (solid / self.metres).ceil() as u32;
-        layer.thickness = settled.max(least).min(layer.thickness).max(1);
+        layer.thickness = settled.max(least).clamp(1, CELL);
     }
 }

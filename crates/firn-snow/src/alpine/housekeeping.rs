@@ -34,17 +34,14 @@ pub(super) struct House {
 }
 
 impl House {
-    /// Joins cells, and lets a last scrap run off.
-    pub fn keep(&self, cells: &mut Vec<Cell>, runoff: &mut u32) {
+    /// Joins cells, and lets a last scrap run off, which it returns.
+    pub fn keep(&self, cells: &mut Vec<Cell>) -> Option<Cell> {
         self.join_top(cells);
         self.join_inner(cells);
         while self.free(cells) < TOO_FEW && self.join_least(cells) {}
-        if let [last] = cells[..]
-            && !self.snows
-            && kilograms(last.mass) < LAST_SCRAP
-        {
-            *runoff += last.mass;
-            cells.clear();
+        match cells[..] {
+            [last] if !self.snows && kilograms(last.mass) < LAST_SCRAP => cells.pop(),
+            _ => None,
         }
     }
 

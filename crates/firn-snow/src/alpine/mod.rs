@@ -52,3 +52,6 @@ const MASS_QUANTUM: f32 = 1.0 / (1 << 18) as f32;
 
 /// Mass quanta in 1 kg/m².
 const MASS_QUANTA: f32 = (1 << 18) as f32;
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,5 @@
 //! A weather step of one column.
 
-use super::WATER_HEAT;
 use super::conduction::{GROUND_HEAT, Scratch, half_of, half_of_ground};
 use super::descent::{Descent, Layer};
 use super::fall::fall;
@@ -8,7 +7,8 @@ use super::housekeeping::House;
 use super::skin::{Balance, Skin};
 use super::surface::{FRESH_ALBEDO, GROUND_ALBEDO, Surface};
 use super::weather_step::WeatherStep;
-use super::wet::{kilograms, quanta};
+use super::wet::{capacity, kilograms, quanta};
+use super::{FUSION, WATER_HEAT};
 use crate::column::{Cell, Column};
 use crate::grid::{CELL, Grid};
 
@@ -37,8 +37,11 @@ pub struct Stepped {
     pub albedo: f32,
     /// Short wave that was taken in \[J/m²\].
     pub absorbed: f32,
-    /// Heat that came into snow and soil \[J/m²\]: through the skin, with the rain, and from below.
+    /// Heat that came into snow and soil \[J/m²\]: through the skin, with the rain, and from below; less what found no
+    /// snow to melt and went back into the air.
     pub heat: f32,
+    /// Heat that mass brought with it less what it took \[J/m²\], above that of as much ice at 0 °C.
+    pub brought: f32,
 }
 
 impl Column {
@@ -54,9 +57,12 @@ impl Column {
         scratch: &mut Scratch,
     ) -> Stepped {
         let metres = (grid.cell_size / f64::from(CELL)) as f32;
-        let mut exchange = Exchange::default();
+        let mut stepped = Stepped::default();
         if weather.snow > 0 && !sheltered {
-            exchange.refused = fall(&mut self.cells, weather, grid.height);
+            let refused = fall(&mut self.cells, weather, grid.height);
+            stepped.exchange.refused = refused;
+            let fallen = capacity(weather.snow - refused, 0);
+            stepped.brought = fallen * weather.snow_temperature.min(0.0);
         }
         let depth = self.height() as f32 * metres;
         let albedo = age(surface, self.cells.last(), weather, depth);
@@ -74,22 +80,23 @@ impl Column {
         let balance = skin.solve(surface.skin);
         surface.skin = balance.skin;
         let through = skin.conducted(balance.skin) + balance.melt + rain_heat + GROUND_HEAT;
+        stepped.albedo = albedo;
+        stepped.absorbed = shortwave * weather.seconds;
+        stepped.heat = through * weather.seconds;
 
         if snow {
-            self.descend(surface, weather, &balance, grid, scratch, &mut exchange);
-            House { metres, slots: grid.height, snows: weather.snows }
-                .keep(&mut self.cells, &mut exchange.runoff);
+            self.descend(surface, weather, &balance, grid, scratch, &mut stepped);
+            let house = House { metres, slots: grid.height, snows: weather.snows };
+            if let Some(scrap) = house.keep(&mut self.cells) {
+                stepped.exchange.runoff += scrap.mass;
+                stepped.brought -= scrap.heat();
+            }
         } else {
             scratch.soil(surface, balance.skin);
-            exchange.runoff = weather.rain;
+            stepped.exchange.runoff = weather.rain;
         }
-        surface.runoff += u64::from(exchange.runoff);
-        Stepped {
-            exchange,
-            albedo,
-            absorbed: shortwave * weather.seconds,
-            heat: through * weather.seconds,
-        }
+        surface.runoff += u64::from(stepped.exchange.runoff);
+        stepped
     }
 
     /// From the skin down: vapour, melting, water, settling.
@@ -100,14 +107,13 @@ impl Column {
         balance: &Balance,
         grid: &Grid,
         scratch: &Scratch,
-        exchange: &mut Exchange,
+        stepped: &mut Stepped,
     ) {
         let metres = (grid.cell_size / f64::from(CELL)) as f32;
         let melting = balance.skin >= 0.0;
         let vapour = balance.vapour * weather.seconds;
         let (leaves, comes) = (quanta(vapour), quanta(-vapour));
         let hoar = if melting { 0 } else { comes };
-        exchange.deposited = comes;
         let mut descent = Descent {
             metres,
             seconds: weather.seconds,
@@ -116,8 +122,14 @@ impl Column {
             energy: balance.melt * weather.seconds,
             water: weather.rain + comes - hoar,
             above: 0,
+            taken: 0.0,
         };
+        stepped.brought += FUSION * kilograms(descent.water);
         let frost = lay_hoar(&mut self.cells, hoar, metres, balance.skin, grid.height);
+        stepped.brought += match frost {
+            Some(frost) => frost.heat(),
+            None => capacity(hoar, 0) * scratch.cell(self.cells.len() - 1, balance.skin),
+        };
         let mut above = balance.skin;
         for (index, cell) in self.cells.iter_mut().enumerate().rev() {
             above = scratch.cell(index, above);
@@ -125,9 +137,11 @@ impl Column {
             descent.pass(&mut layer);
             layer.store(cell);
         }
-        exchange.sublimated = leaves - descent.vapour;
-        exchange.runoff += descent.water;
-        scratch.soil(surface, above);
+        stepped.brought -= descent.taken + FUSION * kilograms(descent.water);
+        stepped.exchange.deposited = comes;
+        stepped.exchange.sublimated = leaves - descent.vapour;
+        stepped.exchange.runoff = descent.water;
+        stepped.heat -= scratch.ground(surface, above, weather.air, descent.energy);
         self.cells.retain(|cell| cell.mass > 0);
         self.cells.extend(frost);
     }

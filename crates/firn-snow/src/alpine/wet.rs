@@ -52,6 +52,12 @@ impl Cell {
         cut
     }
 
+    /// Heat \[J/m²\] above that of as much ice at 0 °C.
+    #[inline]
+    pub fn heat(&self) -> f32 {
+        self.capacity() * self.celsius() + FUSION * kilograms(self.water())
+    }
+
     /// Heat that warms it by 1 K \[J/(m² K)\].
     #[inline]
     pub(super) fn capacity(&self) -> f32 {
@@ -109,10 +115,6 @@ mod tests {
         cell
     }
 
-    fn enthalpy(cell: &Cell) -> f32 {
-        cell.capacity() * cell.celsius() + FUSION * kilograms(cell.water())
-    }
-
     #[test]
     fn a_word_holds_a_temperature_or_water() {
         let cold = cell(10.0, -3.5, 0.0);
@@ -154,7 +156,7 @@ mod tests {
                 let joined = merge(lower, upper);
                 assert_eq!(joined.mass, a.mass + b.mass);
                 assert!(joined.water() == 0 || joined.celsius() == 0.0);
-                let (before, after) = (enthalpy(&a) + enthalpy(&b), enthalpy(&joined));
+                let (before, after) = (a.heat() + b.heat(), joined.heat());
                 // Half a quantum of ice is 0.6 J; rounding of f32 is more for much snow.
                 assert!((after - before).abs() < 1.5, "{before} {after}");
             }
