@@ -162,10 +162,15 @@ fn descend(
     }
     (*exchange).sublimated = leaves - descent.vapour;
     (*exchange).runoff += descent.water;
+    let before = (*surface).soil[0];
     for (var layer = 0u; layer < 4u; layer++) {
         above = stack.soil[layer].free + stack.soil[layer].bound * above;
         (*surface).soil[layer] = above;
     }
+    // What has found no snow left to melt warms the ground, to no more than the air or than it was.
+    let capacity_of_ground = capacity_of_soil(0u, before);
+    let room = capacity_of_ground * max(max(weather.air, before) - (*surface).soil[0], 0.0);
+    (*surface).soil[0] += min(descent.energy, room) / capacity_of_ground;
     var count = cells;
     if gone > 0u {
         count = close_gaps(column, cells);

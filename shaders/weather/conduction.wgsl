@@ -8,6 +8,9 @@ const SOIL_CONDUCTIVITY: f32 = 0.5;
 const SOIL_CAPACITY: f32 = 2.5e6;
 // Of the water in the soil, which freezes from 0 down to -1 degrees C [J/m3].
 const SOIL_FUSION: f32 = 0.5 * 334000.0 * 1000.0;
+// Least half of a cell's resistance [m2 K/W], that of some micrometres of snow: through less, f32 tells no heat that is
+// conducted from the rounding of temperatures.
+const LEAST_HALF: f32 = 1e-4;
 // From below the soil [W/m2].
 const GROUND_HEAT: f32 = 2.0;
 
@@ -21,7 +24,13 @@ fn half_of(cell: Cell, metres: f32) -> f32 {
     let thickness = f32(cell.thickness) * metres;
     let density = kilograms(cell.mass - water_of(cell)) / thickness;
     let conductivity = 2.5e-6 * density * density - 1.23e-4 * density + 0.024;
-    return half_resistance(thickness, conductivity);
+    return max(half_resistance(thickness, conductivity), LEAST_HALF);
+}
+
+// Heat that warms a layer of soil by 1 K [J/(m2 K)].
+fn capacity_of_soil(layer: u32, celsius: f32) -> f32 {
+    let freezes = celsius > -1.0 && celsius < 0.0;
+    return (SOIL_CAPACITY + select(0.0, SOIL_FUSION, freezes)) * SOIL_THICKNESS[layer];
 }
 
 // An element in terms of the one above; `down` and `up` are the conductances to its neighbours.
@@ -52,8 +61,7 @@ fn eliminate(column: Column, cells: u32, soil: vec4<f32>, metres: f32, source: f
     }
     for (var i = 0u; i < 4u; i++) {
         let layer = 3u - i;
-        let freezes = soil[layer] > -1.0 && soil[layer] < 0.0;
-        let capacity = (SOIL_CAPACITY + select(0.0, SOIL_FUSION, freezes)) * SOIL_THICKNESS[layer] / seconds;
+        let capacity = capacity_of_soil(layer, soil[layer]) / seconds;
         var over = above;
         if layer > 0u {
             over = half_resistance(SOIL_THICKNESS[layer - 1u], SOIL_CONDUCTIVITY);

@@ -18,7 +18,7 @@ struct Descent {
     // Mass that leaves as vapour, from water first where the skin melts.
     vapour: u32,
     from_water: bool,
-    // Energy that melts [J/m2].
+    // Energy that melts [J/m2]; that of the skin, and of cells that are gone.
     energy: f32,
     water: u32,
     // Mass of the cells above.
@@ -51,7 +51,14 @@ fn sublimate(descent: ptr<function, Descent>, layer: ptr<function, Layer>) {
 }
 
 fn melt(descent: ptr<function, Descent>, layer: ptr<function, Layer>) {
-    if (*descent).energy <= 0.0 || (*layer).ice == 0u {
+    if (*layer).ice == 0u {
+        return;
+    }
+    if (*layer).celsius > 0.0 {
+        (*descent).energy += capacity((*layer).ice, (*layer).water) * (*layer).celsius;
+        (*layer).celsius = 0.0;
+    }
+    if (*descent).energy <= 0.0 {
         return;
     }
     if (*layer).celsius < 0.0 {
@@ -72,29 +79,32 @@ fn melt(descent: ptr<function, Descent>, layer: ptr<function, Layer>) {
     (*descent).energy = select(0.0, (*descent).energy - FUSION * kilograms(melted), all_of_it);
 }
 
-// Takes in the water from above; warmth melts, cold freezes.
+// Part of a cell that is not ice [m].
+fn pores_of(descent: Descent, layer: Layer) -> f32 {
+    return f32(layer.thickness) * descent.metres - kilograms(layer.ice) / ICE_DENSITY;
+}
+
+// Takes in the water from above, which freezes by the cell's cold as far as ice has room.
 fn soak(descent: ptr<function, Descent>, layer: ptr<function, Layer>) {
     let heat = capacity((*layer).ice, (*layer).water) * (*layer).celsius;
     (*layer).water += (*descent).water;
     (*descent).water = 0u;
-    if heat > 0.0 {
-        let melted = min(quanta_of(heat / FUSION), (*layer).ice);
-        lose(layer, melted);
-        (*layer).water += melted;
-        (*layer).celsius = 0.0;
-    } else if (*layer).water > 0u {
-        let frozen = min(quanta_of(-heat / FUSION), (*layer).water);
+    if (*layer).water > 0u {
+        let cold = quanta_of(-heat / FUSION);
+        let room = quanta_of(pores_of(*descent, *layer) * ICE_DENSITY);
+        let frozen = min(min(cold, (*layer).water), room);
         (*layer).ice += frozen;
         (*layer).water -= frozen;
         let left = heat + FUSION * kilograms(frozen);
-        (*layer).celsius = left / capacity((*layer).ice, (*layer).water);
+        let celsius = left / capacity((*layer).ice, 0u);
+        (*layer).celsius = select(celsius, 0.0, frozen == cold);
     }
 }
 
-// Lets go of the water that the pores don't hold.
+// Lets go of the water that the pores don't hold. Cold snow with water left has no pores to speak of.
 fn drain(descent: ptr<function, Descent>, layer: ptr<function, Layer>) {
-    let pores = f32((*layer).thickness) * (*descent).metres - kilograms((*layer).ice) / ICE_DENSITY;
-    let held = quanta_of(HELD * WATER_DENSITY * pores);
+    let pores = pores_of(*descent, *layer);
+    let held = select(quanta_of(HELD * WATER_DENSITY * pores), 0u, (*layer).celsius < 0.0);
     if (*layer).water > held {
         (*descent).water = (*layer).water - held;
         (*layer).water = held;
@@ -115,7 +125,7 @@ fn settle(descent: Descent, layer: ptr<function, Layer>) {
     let settled = part_of((*layer).thickness, exp(-strain));
     let solid = kilograms((*layer).ice) / ICE_DENSITY + kilograms((*layer).water) / WATER_DENSITY;
     let least = u32(ceil(solid / descent.metres));
-    (*layer).thickness = max(min(max(settled, least), (*layer).thickness), 1u);
+    (*layer).thickness = clamp(max(settled, least), 1u, CELL);
 }
 
 fn pass_through(descent: ptr<function, Descent>, layer: ptr<function, Layer>) {
@@ -125,6 +135,7 @@ fn pass_through(descent: ptr<function, Descent>, layer: ptr<function, Layer>) {
         soak(descent, layer);
     }
     if (*layer).ice == 0u {
+        (*descent).energy += capacity(0u, (*layer).water) * (*layer).celsius;
         (*descent).water += (*layer).water;
         (*layer).water = 0u;
         return;
