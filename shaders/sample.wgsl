@@ -127,6 +127,7 @@ fn sample(
             sums.stress += sigma * fill;
             sums.load_stress += load_stress * fill;
             sums.indent += x * fill;
+            sums.liquid_water += f32(water_of(temperature[cell])) * MASS_QUANTUM * (f32(overlap) / f32(d));
             left -= overlap;
             full += overlap;
             if full == CELL {

@@ -252,6 +252,7 @@ struct Sample {
     stress: f32,
     load_stress: f32,
     indent: f32,
+    liquid_water: f32,
 }
 
 // Bits of WeatherStep.flags.

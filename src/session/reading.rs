@@ -120,7 +120,7 @@ impl<T> Reading<T> {
             0 => None,
             _ => {
                 let (columns, surface) = (gather::reads(&columns, cells), surface.clone());
-                let request = |reply| Request::Gather { columns, surface, reply };
+                let request = |reply| Request::Gather { columns, totals: None, surface, reply };
                 Some(session.ask_in(place, request).await?)
             }
         };

@@ -2,8 +2,8 @@
 
 use std::sync::atomic::Ordering;
 
-use firn_protocol::{ColumnView, MassView, SessionSpec, SessionView, StepSpec};
-use firn_snow::{Column, TILE_COLUMNS};
+use firn_protocol::{ColumnView, MassView, Physics, SessionSpec, SessionView, Stamp, StepSpec};
+use firn_snow::{Column, ColumnRect, ColumnTotals, TILE_COLUMNS};
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, oneshot};
 
@@ -138,8 +138,28 @@ impl Session {
             return Err(SessionError::NotFound { kind: "column", id: format!("{x}/{z}") });
         }
         let (tile, column) = grid.locate(x, z);
-        let gathered = self.gather(&[tile * TILE_COLUMNS + column]).await?;
-        Ok(gather::column_view(&gathered, &grid))
+        let columns = gather::reads(&[tile * TILE_COLUMNS + column], grid.height);
+        let alpine = self.spec.physics == Physics::Alpine;
+        let totals = alpine.then_some(ColumnRect { x0: x, z0: z, x1: x + 1, z1: z + 1 });
+        let request = |reply| Request::Gather { columns, totals, surface: None, reply };
+        Ok(gather::column_view(&self.ask(request).await?, &grid))
+    }
+
+    /// Columns of a rectangle in the grid, summed up, and when they were so.
+    ///
+    /// # Errors
+    /// [`SessionError::Conflict`] where the snow is not alpine.
+    pub async fn column_totals(
+        &self,
+        columns: ColumnRect,
+    ) -> Result<(Stamp, Vec<ColumnTotals>), SessionError> {
+        if self.spec.physics != Physics::Alpine {
+            return Err(SessionError::feels_no_weather());
+        }
+        let totals = Some(columns);
+        let request = |reply| Request::Gather { columns: Vec::new(), totals, surface: None, reply };
+        let gathered = self.ask(request).await?;
+        Ok((gathered.stamp, gathered.totals))
     }
 
     /// The mass ledger, with the mass present summed over all cells.
@@ -216,7 +236,13 @@ impl Session {
     async fn gather(&self, columns: &[u32]) -> Result<gather::Gathered, SessionError> {
         let bytes = std::mem::size_of_val(columns);
         let columns = gather::reads(columns, self.spec.grid.height);
-        self.ask_with(bytes, |reply| Request::Gather { columns, surface: None, reply }).await
+        self.ask_with(bytes, |reply| Request::Gather {
+            columns,
+            totals: None,
+            surface: None,
+            reply,
+        })
+        .await
     }
 
     async fn ask<T>(&self, request: impl FnOnce(Answer<T>) -> Request) -> Result<T, SessionError> {

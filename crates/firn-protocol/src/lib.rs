@@ -49,6 +49,7 @@ pub use colliders::{
 };
 pub use creation::{MaterialSpec, SessionBody, SessionSpec, SnowLayer, Terrain};
 pub use events::{Event, EventKind, Events};
+pub use firn_snow::alpine::HandHardness;
 pub use physics::Physics;
 pub use probes::{Load, Probe, ProbeBatch, ProbeReply, ProbeView};
 pub use problem::{FieldError, Problem};
@@ -56,7 +57,7 @@ pub use samples::{SampleBatch, SampleField, SampleFields, SampleReply};
 pub use session::{
     CreatedSession, Progress, SessionView, Settings, SettingsPatch, Stamp, State, StepSpec, Summary,
 };
-pub use snow::{ColumnView, LayerView, MassView, Reference, WeakLayerView};
+pub use snow::{AlpineColumn, ColumnView, LayerView, MassView, Reference, WeakLayerView};
 pub use stamps::{PrintView, StampBatch, StampReply, StampSpec};
 pub use store::{CompactReply, VerifyReply};
 pub use subscription::{ColumnRegion, DepthWatch, MOST_WATCHES, Resume, Subscribe, Update};

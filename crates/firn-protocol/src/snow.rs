@@ -1,5 +1,6 @@
 //! Readings of the snow: columns with their layers, and the mass ledger.
 
+use firn_snow::alpine::HandHardness;
 use serde::{Deserialize, Serialize};
 
 use crate::session::Stamp;
@@ -33,6 +34,25 @@ pub struct ColumnView {
     pub layers: Vec<LayerView>,
     /// Layers less dense than what lies above and below, from the ground up.
     pub weak_layers: Vec<WeakLayerView>,
+    /// What alpine snow has beside.
+    #[serde(flatten)]
+    pub alpine: Option<AlpineColumn>,
+}
+
+/// What a column of alpine snow has beside its layers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct AlpineColumn {
+    /// Mass of ice and water on a square metre \[kg/m²\].
+    pub snow_water_equivalent: f64,
+    /// Mass of liquid water on it \[kg/m²\].
+    pub liquid_water: f64,
+    /// Temperature of the surface of snow or ground \[°C\].
+    pub skin_temperature: f64,
+    /// Part of the short wave that is sent back, as it is seen.
+    pub albedo: f64,
+    /// Water that has run off since the session began \[kg/m²\].
+    pub runoff: f64,
 }
 
 /// One material cell.
@@ -53,6 +73,14 @@ pub struct LayerView {
     pub stress: f64,
     /// Mass \[kg\].
     pub mass: f64,
+    /// Liquid water in it \[kg/m²\], where the snow is alpine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = f64, required = false))]
+    pub liquid_water: Option<f64>,
+    /// Hardness by hand, where the snow is alpine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(value_type = HandHardness, required = false))]
+    pub hand_hardness: Option<HandHardness>,
 }
 
 /// A maximal run of cells with a density of at most 0.8 of the least dense of the densest cell

@@ -67,6 +67,8 @@ pub struct Sample {
     pub external_stress: f32,
     /// Indent of one cycle of the present length \[m\].
     pub indent: f32,
+    /// Areal mass of liquid water in it \[kg/m²\].
+    pub liquid_water: f32,
 }
 
 impl Sample {
@@ -117,6 +119,7 @@ pub fn sample_column(
             external_stress: (cell.stress - GRAVITY as f32 * (above as f32 * MASS_QUANTUM))
                 .max(0.0),
             indent: law.indent(&cell, mass) as f32 * metres,
+            liquid_water: cell.water() as f32 * MASS_QUANTUM,
             ..Sample::default()
         };
         above -= cell.mass;
@@ -126,6 +129,7 @@ pub fn sample_column(
             let fill = overlap as f32 / CELL as f32;
             let part = overlap as f32 / cell.thickness as f32;
             sums.add(&values, fill, mass * MASS_QUANTUM * part);
+            sums.liquid_water += values.liquid_water * part;
             left -= overlap;
             filled += overlap;
             if filled == CELL {
@@ -165,6 +169,7 @@ impl Sample {
             stress: self.stress / self.fill,
             external_stress: self.external_stress / self.fill,
             indent: self.indent / self.fill,
+            liquid_water: self.liquid_water,
         }
     }
 }

@@ -2,10 +2,13 @@
 
 use firn_engine::frame::ColumnRead;
 use firn_protocol::{
-    ColumnView, LayerView, MassView, Physics, Reference, SampleBatch, SampleFields, Stamp,
+    AlpineColumn, ColumnView, LayerView, MassView, Physics, Reference, SampleBatch, SampleFields,
+    Stamp,
 };
+use firn_snow::alpine::HandHardness;
 use firn_snow::{
-    CELL, Cell, Column, ColumnRect, Exchanged, Grid, MASS_QUANTA, Material, Pressing, Sample,
+    CELL, Cell, Column, ColumnRect, ColumnTotals, Exchanged, Grid, MASS_QUANTA, Material, Pressing,
+    Sample,
 };
 use serde::{Deserialize, Serialize};
 
@@ -24,6 +27,8 @@ pub struct Gathered {
     pub cycle: Option<f64>,
     /// The columns, in the order asked for.
     pub columns: Vec<Column>,
+    /// Columns of alpine snow, summed up.
+    pub totals: Vec<ColumnTotals>,
     /// The surface at the points asked for.
     pub surface: SampleFields,
 }
@@ -45,6 +50,7 @@ impl Outlet {
             pressing: mirror.settings.pressing,
             cycle: mirror.clock.steady_cycle(),
             columns,
+            totals: Vec::new(),
             surface: batch.map(|batch| surface.sample(batch)).unwrap_or_default(),
         }
     }
@@ -198,19 +204,23 @@ pub(crate) fn density(cell: &Cell, grid: &Grid) -> f64 {
 /// The first column gathered.
 pub(crate) fn column_view(gathered: &Gathered, grid: &Grid) -> ColumnView {
     let area = grid.column_area();
+    let alpine = gathered.material.hardness_law.is_alpine();
     let mut bottom = 0u64;
     let mut mass = 0u128;
     let mut layers = Vec::new();
     for cell in gathered.columns.first().map_or(&[][..], |column| &column.cells) {
         let density = density(cell, grid);
+        let hardness = cell.hardness(grid, &gathered.material);
         layers.push(LayerView {
             bottom: grid.metres(bottom),
             thickness: grid.metres(u64::from(cell.thickness)),
             density,
-            temperature: f64::from(cell.temperature),
-            hardness: f64::from(gathered.material.hardness(density as f32, cell.temperature)),
+            temperature: f64::from(cell.celsius()),
+            hardness: f64::from(hardness),
             stress: f64::from(cell.stress),
             mass: grid.kilograms(cell.mass.into()),
+            liquid_water: alpine.then(|| f64::from(cell.water()) / MASS_QUANTA),
+            hand_hardness: alpine.then(|| HandHardness::of(hardness)),
         });
         bottom += u64::from(cell.thickness);
         mass += u128::from(cell.mass);
@@ -224,5 +234,18 @@ pub(crate) fn column_view(gathered: &Gathered, grid: &Grid) -> ColumnView {
         mean_density: if bottom == 0 { 0.0 } else { mass / (height * area) },
         weak_layers: super::weak::weak_layers(&layers),
         layers,
+        alpine: gathered.totals.first().map(|totals| alpine_column(totals, height)),
+    }
+}
+
+/// What a column of alpine snow has beside its layers, of snow so deep \[m\].
+fn alpine_column(totals: &ColumnTotals, depth: f64) -> AlpineColumn {
+    let ColumnTotals { mass, water, surface } = totals;
+    AlpineColumn {
+        snow_water_equivalent: f64::from(*mass) / MASS_QUANTA,
+        liquid_water: f64::from(*water) / MASS_QUANTA,
+        skin_temperature: surface.skin.into(),
+        albedo: surface.seen_albedo(depth as f32).into(),
+        runoff: surface.runoff as f64 / MASS_QUANTA,
     }
 }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use firn_engine::frame::ColumnRead;
 use firn_protocol::{MassView, SampleBatch, StepSpec};
+use firn_snow::ColumnRect;
 
 use crate::core::record::Once;
 use crate::core::session::{
@@ -20,14 +21,40 @@ pub(crate) type Look = Box<dyn FnOnce(&Simulation) + Send>;
 
 /// What a session is asked.
 pub(crate) enum Request {
-    Change { change: Box<Change>, once: Option<Once>, reply: Answer<Receipted<Applied>> },
-    Step { number: u64, step: StepSpec, reply: Answer<Receipted<()>> },
-    Reset { to: Beginning, reply: Answer<Receipted<()>> },
-    Snapshot { reply: Answer<Snapshot> },
-    Gather { columns: Vec<ColumnRead>, surface: Option<Arc<SampleBatch>>, reply: Answer<Gathered> },
-    Sample { wanted: CellBox, reply: Answer<Sampled> },
-    Mass { reply: Answer<MassView> },
-    Inspect { look: Look, reply: Answer<()> },
+    Change {
+        change: Box<Change>,
+        once: Option<Once>,
+        reply: Answer<Receipted<Applied>>,
+    },
+    Step {
+        number: u64,
+        step: StepSpec,
+        reply: Answer<Receipted<()>>,
+    },
+    Reset {
+        to: Beginning,
+        reply: Answer<Receipted<()>>,
+    },
+    Snapshot {
+        reply: Answer<Snapshot>,
+    },
+    Gather {
+        columns: Vec<ColumnRead>,
+        totals: Option<ColumnRect>,
+        surface: Option<Arc<SampleBatch>>,
+        reply: Answer<Gathered>,
+    },
+    Sample {
+        wanted: CellBox,
+        reply: Answer<Sampled>,
+    },
+    Mass {
+        reply: Answer<MassView>,
+    },
+    Inspect {
+        look: Look,
+        reply: Answer<()>,
+    },
 }
 
 impl Request {
@@ -132,8 +159,9 @@ impl Simulation {
             Request::Sample { wanted, .. } => {
                 self.next.read_cells() + wanted.cells() <= MOST_SAMPLES
             }
-            Request::Gather { columns, .. } => {
-                let cells = columns.iter().map(ColumnRead::cells).sum::<u64>();
+            Request::Gather { columns, totals, .. } => {
+                let summed = totals.map_or(0, |columns| columns.columns());
+                let cells = columns.iter().map(ColumnRead::cells).sum::<u64>() + summed;
                 let waiting = self.next.read_cells();
                 waiting == 0 || waiting + cells <= MOST_SAMPLES
             }
@@ -150,8 +178,8 @@ impl Simulation {
             Request::Step { number, step, reply } => self.begin_step(number, &step, reply),
             Request::Reset { to, reply } => self.begin_reset(to, reply),
             Request::Snapshot { reply } => self.next.snapshots.push(reply),
-            Request::Gather { columns, surface, reply } => {
-                self.next.gathers.push(Gather { columns, surface, reply });
+            Request::Gather { columns, totals, surface, reply } => {
+                self.next.gathers.push(Gather { columns, totals, surface, reply });
             }
             Request::Sample { wanted, reply } => {
                 self.next.samples.push((self.sample_box(&wanted), reply));

@@ -49,6 +49,8 @@ pub(crate) struct Orders {
 #[derive(Debug)]
 pub(crate) struct Gather {
     pub columns: Vec<ColumnRead>,
+    /// Columns of alpine snow that are to be summed up.
+    pub totals: Option<ColumnRect>,
     pub surface: Option<Arc<SampleBatch>>,
     pub reply: Answer<Gathered>,
 }
@@ -126,7 +128,10 @@ impl Orders {
     /// Cells of the fixed grid and of columns that are wanted.
     pub fn read_cells(&self) -> u64 {
         let columns = self.gathers.iter().flat_map(|wanted| &wanted.columns).map(ColumnRead::cells);
-        self.samples.iter().map(|(wanted, _)| wanted.cells()).chain(columns).sum()
+        let totals = self.gathers.iter().filter_map(|wanted| wanted.totals);
+        let totals = totals.map(|columns| columns.columns());
+        let samples = self.samples.iter().map(|(wanted, _)| wanted.cells());
+        samples.chain(columns).chain(totals).sum()
     }
 
     /// Whether somebody waits for the frame, which is published at once then: nobody does for snow that falls by

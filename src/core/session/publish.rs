@@ -14,8 +14,8 @@ use firn_snow::{Contact, Elevation, Grid, TILE_COLUMNS};
 
 use crate::core::record::{Done, Taken};
 use crate::core::session::{
-    Applied, Collider, Counted, Gather, Happening, Mirror, Orders, Outlet, Receipted, Reply,
-    Sampled, SessionState, Simulation, StepJob, Surface, Told,
+    Applied, Collider, Counted, Gather, Gathered, Happening, Mirror, Orders, Outlet, Receipted,
+    Reply, Sampled, SessionState, Simulation, StepJob, Surface, Told,
 };
 use crate::core::snapshot::Snapshot;
 
@@ -232,9 +232,12 @@ impl Simulation {
             answer.give(Ok(Sampled { stamp, cells }));
         }
         let mut columns = outcome.columns.into_iter();
-        for Gather { columns: wanted, surface, reply } in orders.gathers {
+        let mut totals = outcome.totals.into_iter();
+        for Gather { columns: wanted, totals: summed, surface, reply } in orders.gathers {
             let read = columns.by_ref().take(wanted.len()).flatten().collect();
-            reply.give(Ok(self.session.gathered(Some(stamp), read, surface.as_deref())));
+            let gathered = self.session.gathered(Some(stamp), read, surface.as_deref());
+            let totals = summed.and_then(|_| totals.next()).unwrap_or_default();
+            reply.give(Ok(Gathered { totals, ..gathered }));
         }
         let all = Arc::new(outcome.gathered);
         if orders.checkpoint {

@@ -120,6 +120,7 @@ impl Simulation {
             samples: orders.samples.iter().map(|(wanted, _)| *wanted).collect(),
             columns: orders.gathers.iter().flat_map(|wanted| wanted.columns.clone()).collect(),
             gather: self.gather(&orders),
+            totals: orders.gathers.iter().filter_map(|wanted| wanted.totals).collect(),
             ..Work::default()
         };
         let (round, clock_before) = (turn.round, Some(clock_before));

@@ -73,6 +73,8 @@ pub enum Field {
     Mass,
     /// Part of the cell that snow fills, from 0 to 1.
     Fill,
+    /// Areal mass of liquid water \[kg/m²\]; 0 but in alpine snow.
+    LiquidWater,
 }
 
 /// What cells along y may be counted from, by name.
@@ -80,7 +82,7 @@ const REFERENCES: [(&str, Reference); 2] =
     [("lowest", Reference::Lowest), ("ground", Reference::Ground)];
 
 /// Every field by its name.
-const FIELDS: [(&str, Field); 9] = [
+const FIELDS: [(&str, Field); 10] = [
     ("density", Field::Density),
     ("temperature", Field::Temperature),
     ("hardness", Field::Hardness),
@@ -90,6 +92,7 @@ const FIELDS: [(&str, Field); 9] = [
     ("indent", Field::Indent),
     ("mass", Field::Mass),
     ("fill", Field::Fill),
+    ("liquid_water", Field::LiquidWater),
 ];
 
 impl Field {
@@ -104,6 +107,7 @@ impl Field {
             Field::Indent => sample.indent,
             Field::Mass => sample.mass,
             Field::Fill => sample.fill,
+            Field::LiquidWater => sample.liquid_water,
         }
     }
 }
@@ -230,7 +234,7 @@ impl Serialize for Values<'_> {
 
 /// Memory that an answer takes for each cell while it is made \[bytes\]: the sample and the name of what
 /// it holds, and the longest number there is for each field.
-const BYTES_PER_CELL: u64 = 52;
+const BYTES_PER_CELL: u64 = 56;
 const BYTES_PER_VALUE: u64 = 14;
 
 /// Read the fixed grid

@@ -2,6 +2,7 @@
 
 pub(super) mod decode;
 mod encode;
+mod quantities;
 mod window;
 
 use axum::extract::State;
@@ -23,6 +24,7 @@ use crate::http::target::Target;
 use crate::problem::Problem;
 use crate::session::{Mirror, Session, Visit};
 
+use self::quantities::{QUANTITIES, Quantity};
 use self::window::Window;
 use super::{json, stamp_headers};
 
@@ -75,14 +77,27 @@ impl FromQuery for WindowQuery {
 #[derive(Debug, IntoParams)]
 #[into_params(parameter_in = Query)]
 pub struct SurfaceQuery {
-    /// Adds the elevation of the ground.
+    /// Adds the elevation of the ground; of depths only.
     #[param(default = false)]
     surface: Option<bool>,
+    /// What of the columns is told; what is not a depth, of alpine snow only.
+    #[param(inline, required = false)]
+    quantity: Quantity,
 }
 
 impl FromQuery for SurfaceQuery {
     fn from_query(params: &mut Params) -> SurfaceQuery {
-        SurfaceQuery { surface: params.flag("surface") }
+        let query = SurfaceQuery {
+            surface: params.flag("surface"),
+            quantity: params.choice("quantity", &QUANTITIES).unwrap_or_default(),
+        };
+        if query.surface == Some(true) && query.quantity != Quantity::Depth {
+            params.reject(
+                "surface",
+                "it stands beside another quantity than depth; leave one out".to_owned(),
+            );
+        }
+        query
     }
 }
 
@@ -149,7 +164,8 @@ pub struct NumpyArray(Vec<u8>);
 /// Read snow depths
 ///
 /// Of all columns, or of a region, or of every second, fourth or eighth column. By `Accept` as JSON,
-/// as 32-bit floats, as a grey image, or as a NumPy array. The `ETag` changes with the region's
+/// as 32-bit floats, as a grey image, or as a NumPy array. Of alpine snow another `quantity` may be asked for, which
+/// no image shows and of which up to 2²⁰ columns are read at a time. The `ETag` changes with the region's
 /// snow, so that asking again with `If-None-Match` costs next to nothing while it rests.
 #[utoipa::path(
     get,
@@ -189,7 +205,10 @@ pub async fn get(
     Query(query): Query<(WindowQuery, SurfaceQuery)>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (window, SurfaceQuery { surface }) = query;
+    let (window, SurfaceQuery { surface, quantity }) = query;
+    if quantity != Quantity::Depth {
+        return quantities::tell(&app, session, &window, quantity, &headers).await;
+    }
     let shown = if surface.unwrap_or(false) { Shown::Surface } else { Shown::Depth };
     tell(&app, session, &window, shown, &headers).await
 }
