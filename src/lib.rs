@@ -22,6 +22,7 @@ pub mod open_files;
 pub mod problem;
 pub mod quote;
 pub mod render;
+pub mod season;
 pub mod server;
 pub mod session;
 pub mod store;

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::backend;
 use crate::config::{BackendChoice, EngineConfig};
@@ -12,7 +11,7 @@ use crate::experiment::{self, Experiment, SIDE};
 use crate::session::{Limits, Sessions};
 use crate::telemetry;
 
-use super::{Failure, print};
+use super::{Failure, print, progress};
 
 /// Shown below the flags.
 pub const EXAMPLES: &str = "\
@@ -116,7 +115,7 @@ async fn carry_out(options: &Options, sessions: &Sessions) -> Result<Vec<String>
     let device = sessions.device();
     print(format!("Computed by {} ({}).\n", device.adapter, device.backend).as_bytes())?;
     let experiments = options.experiment.experiments();
-    let bar = progress_bar(experiments.iter().map(|experiment| experiment.ticks()).sum());
+    let bar = progress::bar(experiments.iter().map(|experiment| experiment.ticks()).sum());
     let mut deviations = Vec::new();
     for experiment in experiments {
         let progress = |ticks| bar.inc(ticks);
@@ -131,16 +130,6 @@ async fn carry_out(options: &Options, sessions: &Sessions) -> Result<Vec<String>
     bar.finish_and_clear();
     print(format!("\nFigures and numbers are in {}.\n", options.out.display()).as_bytes())?;
     Ok(deviations)
-}
-
-/// A bar on standard error, hidden where that is no terminal.
-fn progress_bar(ticks: u64) -> ProgressBar {
-    let bar = ProgressBar::new(ticks);
-    // The template is constant; without it the bar is merely plainer.
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %, {eta} left") {
-        bar.set_style(style);
-    }
-    bar
 }
 
 #[cfg(test)]

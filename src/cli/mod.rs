@@ -11,6 +11,8 @@ mod key;
 mod load;
 mod man;
 mod openapi;
+mod progress;
+mod season;
 mod serve;
 mod signals;
 mod store;
@@ -71,6 +73,13 @@ enum Command {
     /// should be.
     #[command(after_help = experiment::EXAMPLES)]
     Experiment(experiment::Options),
+    /// Run alpine snow through a season of weather, beside what was measured
+    ///
+    /// Reads the weather from a file, lets a column of snow feel it, and prints how near depth, water
+    /// equivalent, surface temperature and melt-out come to measurements. With --out it writes daily
+    /// values and figures. See below for the files and for what the figures mean.
+    #[command(after_help = season::NOTES)]
+    Season(season::Options),
     /// Put load on a server and measure what its viewers get
     ///
     /// Creates sessions, watches them with many clients, moves objects through the snow, and
@@ -143,6 +152,7 @@ fn carry_out(command: Command, given: &ArgMatches) -> Result<(), Failure> {
         Command::Key(options) => key::run(&options),
         Command::Store(options) => store::run(&options),
         Command::Experiment(options) => experiment::run(&options),
+        Command::Season(options) => season::run(&options),
         Command::Load(options) => load::run(&options),
         Command::Bench(options) => bench::run(&options),
         Command::Openapi => openapi::run(),

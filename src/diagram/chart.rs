@@ -10,7 +10,7 @@ use plotters::element::{Circle, PathElement, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, IntoFont, IntoTextStyle, RGBColor, ShapeStyle, TextStyle, WHITE};
 
-use super::number;
+use super::axis::{Axis, LABELS, Marked};
 
 /// Size of a picture, and width of the diagram without its legend, in pixels.
 const SIZE: (u32, u32) = (800, 460);
@@ -55,46 +55,6 @@ pub struct Chart {
     pub lines: Vec<Line>,
     /// Above everything else.
     pub dots: Vec<Dots>,
-}
-
-/// An axis.
-#[derive(Clone, Debug)]
-pub struct Axis {
-    /// Quantity and unit.
-    pub label: &'static str,
-    /// Its first value.
-    pub from: f64,
-    /// Its last value, greater than the first.
-    pub to: f64,
-    /// Whether values grow downwards.
-    pub down: bool,
-}
-
-impl Axis {
-    /// An axis upwards or to the right. Where there is nothing between its ends it is 1 long.
-    pub fn new(label: &'static str, from: f64, to: f64) -> Axis {
-        let from = if from.is_finite() { from } else { 0.0 };
-        let to = if to.is_finite() && to > from { to } else { from + 1.0 };
-        Axis { label, from, to, down: false }
-    }
-
-    /// Where a value is drawn.
-    fn place(&self, value: f64) -> f64 {
-        if self.down { -value } else { value }
-    }
-
-    fn range(&self) -> std::ops::Range<f64> {
-        if self.down { -self.to..-self.from } else { self.from..self.to }
-    }
-
-    fn number(&self, place: f64) -> String {
-        let digits = match self.to - self.from {
-            span if span < 1.0 => 2,
-            span if span < 15.0 => 1,
-            _ => 0,
-        };
-        number(self.place(place), digits)
-    }
 }
 
 /// A line through points.
@@ -148,7 +108,7 @@ pub struct Band {
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Plane<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type Plane<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Marked, RangedCoordf64>>;
 type Drawn<T> = Result<T, DrawingAreaErrorKind<std::io::Error>>;
 
 impl Weight {
@@ -195,19 +155,19 @@ impl Chart {
         root.fill(&WHITE)?;
         let body = root.margin(6 * SCALE, 0, 0, 0).titled(&self.title, text(19, root))?;
         let (diagram, legend) = body.split_horizontally(DIAGRAM * SCALE);
-        let (x, y) = (self.x.range(), self.y.range());
+        let x = self.x.marked();
         let mut plane = ChartBuilder::on(&diagram)
             .margin(10 * SCALE)
             .x_label_area_size(50 * SCALE)
             .y_label_area_size(66 * SCALE)
-            .build_cartesian_2d(x, y)?;
+            .build_cartesian_2d(x, self.y.range())?;
         plane
             .configure_mesh()
             .x_desc(self.x.label)
             .y_desc(self.y.label)
-            .x_labels(9)
-            .y_labels(9)
-            .x_label_formatter(&|&place| self.x.number(place))
+            .x_labels(LABELS)
+            .y_labels(LABELS)
+            .x_label_formatter(&|&place| self.x.text(place))
             .y_label_formatter(&|&place| self.y.number(place))
             .label_style(text(15, root))
             .axis_desc_style(text(16, root))

@@ -5,7 +5,8 @@ use firn_protocol::{ColumnView, LayerView};
 use firn_snow::Material;
 use plotters::style::RGBColor;
 
-use super::chart::{Axis, Band, Chart, Dots, Line, Weight};
+use super::axis::Axis;
+use super::chart::{Band, Chart, Dots, Line, Weight};
 use super::number;
 
 /// Colours that people with any colour vision can tell apart (Okabe and Ito).

@@ -1,9 +1,11 @@
 //! Diagrams as SVG: of single columns of snow, and whatever else has two axes.
 
+mod axis;
 mod chart;
 mod column;
 
-pub use chart::{Axis, Band, Chart, ChartError, Dots, Line, Weight, draw};
+pub use axis::Axis;
+pub use chart::{Band, Chart, ChartError, Dots, Line, Weight, draw};
 pub use column::{
     REFERENCE, colours, density_over_depth, depth_axis, greatest, hardness_over_density,
     over_depth, profile, weak_bands,

@@ -10,6 +10,7 @@ mod memory;
 #[cfg(unix)]
 mod reload;
 mod running;
+mod season;
 #[path = "../support/mod.rs"]
 mod support;
 mod telemetry;

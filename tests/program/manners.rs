@@ -7,8 +7,18 @@ use std::process::{Command, Output};
 
 use crate::running::{Running, serve};
 
-const COMMANDS: [&str; 9] =
-    ["serve", "key", "store", "experiment", "load", "bench", "openapi", "completions", "man"];
+const COMMANDS: [&str; 10] = [
+    "serve",
+    "key",
+    "store",
+    "experiment",
+    "season",
+    "load",
+    "bench",
+    "openapi",
+    "completions",
+    "man",
+];
 
 fn firn(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_firn")).args(arguments).output().expect("it runs")

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The rooms of `src/`: each uses only those before it.
-const ROOMS: [&str; 26] = [
+const ROOMS: [&str; 27] = [
     "budget",
     "limit",
     "machine",
@@ -28,6 +28,7 @@ const ROOMS: [&str; 26] = [
     "stream",
     "server",
     "experiment",
+    "season",
     "load",
     "bench",
     "cli",
