@@ -6,6 +6,7 @@ use firn_protocol::{
     ClearingReply, ColliderBatch, ColliderPatch, ColliderReply, ColliderSpec, ColumnView, MassView,
     ProbeBatch, ProbeReply, ResetSpec, SampleBatch, SampleReply, SessionView, SettingsPatch,
     Snowfall, SnowfallReply, Stamp, StampBatch, StampReply, StepSpec, Terrain, UsageView,
+    WeatherInput, WeatherView,
 };
 use reqwest::Method;
 use serde::de::DeserializeOwned;
@@ -145,6 +146,22 @@ impl Session {
     pub async fn air_temperature(&self, celsius: f64) -> Result<AirTemperatureReply, Error> {
         let air = AirTemperature { celsius };
         self.client.call(Method::PUT, &self.path("/air-temperature"), Some(&air)).await
+    }
+
+    /// The weather of alpine snow: what was told, what holds now, and what of that was worked out.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] where the session has other physics.
+    pub async fn weather(&self) -> Result<WeatherView, Error> {
+        self.get("/weather").await
+    }
+
+    /// Gives alpine snow another weather: one that holds until it is replaced, or a series.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] where it is none, or the session has other physics.
+    pub async fn put_weather(&self, weather: &WeatherInput) -> Result<Stamp, Error> {
+        self.client.call(Method::PUT, &self.path("/weather"), Some(weather)).await
     }
 
     /// Elevation of the ground under each column \[m\], row by row.
