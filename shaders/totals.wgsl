@@ -12,9 +12,6 @@ var<immediate> work: Pass;
 @group(0) @binding(7) var<storage, read> temperature: array<u32>;
 @group(0) @binding(8) var<storage, read> stress: array<u32>;
 
-// From these bits on, those of 2.0, a slot's word is water.
-const WET: u32 = 0x40000000u;
-
 @compute @workgroup_size(64)
 fn totals(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -37,9 +34,7 @@ fn totals(
     for (var slot = 0u; slot < filled[place]; slot++) {
         let i = base + slot * TILE_COLUMNS;
         sum.mass += mass[i];
-        if temperature[i] >= WET && temperature[i] < 0x80000000u {
-            sum.water += temperature[i] - WET;
-        }
+        sum.water += water_of(bitcast<f32>(temperature[i]));
     }
     let first = base + session.height * TILE_COLUMNS;
     let second = first + TILE_COLUMNS;

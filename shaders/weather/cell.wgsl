@@ -10,9 +10,6 @@ const VAPORISATION: f32 = 2501000.0;
 const ICE_DENSITY: f32 = 917.0;
 const WATER_DENSITY: f32 = 1000.0;
 const MASS_QUANTA: f32 = 262144.0;
-// Half of the slots' words are temperatures; from the bits of 2.0 on they are water.
-const WET: u32 = 0x40000000u;
-
 // A cell as it is stored.
 struct Cell {
     mass: u32,
@@ -21,20 +18,16 @@ struct Cell {
     word: u32,
 }
 
-fn is_wet(word: u32) -> bool {
-    return word >= WET && word < 0x80000000u;
+fn water_in(cell: Cell) -> u32 {
+    return water_of(bitcast<f32>(cell.word));
 }
 
-fn water_of(cell: Cell) -> u32 {
-    return select(0u, cell.word - WET, is_wet(cell.word));
-}
-
-fn celsius_of(cell: Cell) -> f32 {
-    return select(bitcast<f32>(cell.word), 0.0, is_wet(cell.word));
+fn celsius_in(cell: Cell) -> f32 {
+    return celsius_of(bitcast<f32>(cell.word));
 }
 
 fn heat_word(celsius: f32, water: u32) -> u32 {
-    return select(bitcast<u32>(min(celsius, 0.0)), WET + water, water > 0u);
+    return bitcast<u32>(select(min(celsius, 0.0), wet(water), water > 0u));
 }
 
 fn kilograms(quanta: u32) -> f32 {
@@ -57,15 +50,15 @@ fn capacity(ice: u32, water: u32) -> f32 {
 }
 
 fn capacity_of(cell: Cell) -> f32 {
-    let water = water_of(cell);
+    let water = water_in(cell);
     return capacity(cell.mass - water, water);
 }
 
 // Two cells as one, with their mass and their heat: cold freezes water.
 fn merge(lower: Cell, upper: Cell) -> Cell {
     let mass = lower.mass + upper.mass;
-    let heat = capacity_of(lower) * celsius_of(lower) + capacity_of(upper) * celsius_of(upper);
-    let wet = water_of(lower) + water_of(upper);
+    let heat = capacity_of(lower) * celsius_in(lower) + capacity_of(upper) * celsius_in(upper);
+    let wet = water_in(lower) + water_in(upper);
     let frozen = min(quanta_of(-heat / FUSION), wet);
     let water = wet - frozen;
     let left = heat + FUSION * kilograms(frozen);

@@ -22,7 +22,7 @@ fn half_resistance(thickness: f32, conductivity: f32) -> f32 {
 // Half the resistance of a cell: its ice conducts.
 fn half_of(cell: Cell, metres: f32) -> f32 {
     let thickness = f32(cell.thickness) * metres;
-    let density = kilograms(cell.mass - water_of(cell)) / thickness;
+    let density = kilograms(cell.mass - water_in(cell)) / thickness;
     let conductivity = 2.5e-6 * density * density - 1.23e-4 * density + 0.024;
     return max(half_resistance(thickness, conductivity), LEAST_HALF);
 }
@@ -83,7 +83,7 @@ fn eliminate(column: Column, cells: u32, soil: vec4<f32>, metres: f32, source: f
         }
         let up = 1.0 / (own + above);
         let heat = select(0.0, source, slot + 1u == cells);
-        below = eliminated(below, down, up, capacity_of(cell) / seconds, celsius_of(cell), heat);
+        below = eliminated(below, down, up, capacity_of(cell) / seconds, celsius_in(cell), heat);
         keep_eliminated(column, slot, below);
         down = up;
         own = above;

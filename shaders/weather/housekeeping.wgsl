@@ -33,7 +33,7 @@ fn join_top(column: Column, cells: u32, snows: bool) -> u32 {
     let top = load_cell(column, cells - 1u);
     let below = load_cell(column, cells - 2u);
     let scrap = kilograms(top.mass) < SCRAP_MASS || top.thickness < SCRAP_THICKNESS;
-    if !scrap || (snows && water_of(top) == 0u) || !fit(below, top) {
+    if !scrap || (snows && water_in(top) == 0u) || !fit(below, top) {
         return cells;
     }
     store_cell(column, cells - 2u, merge(below, top));

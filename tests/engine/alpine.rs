@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use firn::season::{Forcing, Stamps};
 use firn_engine::frame::{
     Backend, Contents, Edit, Layout, Run, Slot, Stamp, TileCells, Weathering, Work,
 };
@@ -362,4 +363,40 @@ fn snow_that_finds_no_slot_is_refused_and_wet_snow_is_cut_with_its_water() {
     assert!(ours.iter().zip(theirs).all(|(a, b)| a.mass == b.mass && a.thickness == b.thickness));
     assert!(words(ours) == words(theirs));
     assert!(ours.iter().any(|tile| tile.column(0).any(|cell| cell.water() > 0)));
+}
+
+/// The field data beside the checkout, where it is.
+const COL_DE_PORTE: &str =
+    concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/cdp_0506/forcing.csv");
+
+#[test]
+fn a_season_at_col_de_porte_is_that_of_the_reference_every_day() {
+    let Some(mut gpu) = gpu(false) else { return };
+    let file = std::path::Path::new(COL_DE_PORTE);
+    if !file.exists() {
+        eprintln!("NOT TESTED: there is no {COL_DE_PORTE}");
+        return;
+    }
+    let forcing = Forcing::read(file, Stamps::default()).unwrap();
+    let grid = Grid { width: 2, depth: 1, height: 255, cell_size: 0.05 };
+    let site = Site { temperature_height: 1.5, wind_height: 10.0, ..Site::default() };
+    let (mut cpu, mut gathering) = (cpu(), Gathering::default());
+    let surface = Some(Surface::new([10.0, 11.0, 11.5, 11.5], 4.65));
+    let made = Layout { surface, ..layout(grid, Vec::new()) };
+    (gpu.create(0, &made).unwrap(), cpu.create(0, &made).unwrap());
+    let (mut deepest, mut time) = (0.0_f64, 0.0);
+    while time + 86_400.0 <= forcing.seconds() {
+        let mut step = || {
+            let felt = forcing.mean(time, time + STEP);
+            time += STEP;
+            WeatherStep::new(&felt, &site, STEP, gathering.fall(&felt, STEP, &grid))
+        };
+        let steps: Vec<WeatherStep> = (0..96).map(|_| step()).collect();
+        weather(&mut gpu, 0, &grid, &steps, None);
+        weather(&mut cpu, 0, &grid, &steps, None);
+        let (ours, theirs) = (cells(&mut gpu, 0, &grid), cells(&mut cpu, 0, &grid));
+        assert_alike(&ours, &theirs, &grid, &format!("day {}", time / 86_400.0));
+        deepest = deepest.max(columns(&ours, &grid)[0].0);
+    }
+    assert!(deepest > 1.2, "{deepest}");
 }

@@ -33,6 +33,19 @@ pub fn cell_bytes(grid: &Grid) -> u64 {
     grid.padded_cells().saturating_mul(BYTES_PER_CELL)
 }
 
+/// Slots that a device keeps beside those of a column of alpine snow: two rows for its surface, and room in which
+/// a step of weather is worked out, a number for each cell.
+pub(crate) fn slots_beside(height: u32) -> u32 {
+    2 + height.div_ceil(4)
+}
+
+/// Bytes of device memory that a snowpack takes: its cells, and what alpine snow has beside them.
+pub fn device_bytes(grid: &Grid, alpine: bool) -> u64 {
+    let beside = if alpine { slots_beside(grid.height) } else { 0 };
+    let beside = grid.padded_columns().saturating_mul(beside.into());
+    cell_bytes(grid).saturating_add(beside.saturating_mul(BYTES_PER_CELL))
+}
+
 /// Units that it costs to evaluate the contact of an object with so many columns under it. On a device each
 /// object has a workgroup, which takes its time however few columns there are.
 pub fn contact_units(columns: u64) -> u64 {

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 use std::time::Duration;
 
-use firn_engine::frame::cell_bytes;
+use firn_engine::frame::device_bytes;
 use firn_protocol::{Progress, SessionSpec};
 use firn_snow::Grid;
 use tokio::sync::{broadcast, watch};
@@ -257,7 +257,10 @@ impl Outlet {
 
     /// Device memory that its cells take \[bytes\]: none while it hibernates.
     pub(crate) fn device_memory(&self) -> u64 {
-        if self.is_hibernating() { 0 } else { cell_bytes(&self.spec.grid) }
+        if self.is_hibernating() {
+            return 0;
+        }
+        device_bytes(&self.spec.grid, !self.spec.physics.is_thesis())
     }
 
     /// Device time that it has taken since the server was started.

@@ -6,7 +6,7 @@ use std::ops::Range;
 use firn_snow::alpine::Surface;
 use firn_snow::{ColumnRect, Grid, TILE_COLUMNS};
 
-use crate::frame::{EngineError, Layout, Slot, TileCells};
+use crate::frame::{EngineError, Layout, Slot, TileCells, slots_beside};
 
 use super::buffer::Table;
 use super::device::Device;
@@ -270,11 +270,10 @@ impl Arena {
     }
 }
 
-/// Rows of a tile. Behind those of its cells alpine snow has some for its surface, and room for a number for each
-/// cell: four of them fit a row, one in each buffer.
+/// Rows of a tile, with those that alpine snow has behind its cells.
 fn rows_of(layout: &Layout) -> u32 {
     let height = layout.grid.height;
-    height + layout.surface.map_or(0, |_| SURFACE_ROWS + height.div_ceil(4))
+    height + layout.surface.map_or(0, |_| slots_beside(height))
 }
 
 /// Writes what the columns of a tile have beside their cells, from a row on.

@@ -1,9 +1,11 @@
 //! The compute kernels: one table declares each one's source and what it binds.
 
+mod pipeline;
 mod resource;
 
 use super::layout::Pass;
 
+pub use pipeline::Pipeline;
 pub use resource::Resource;
 
 /// How a kernel uses a buffer.
@@ -279,11 +281,13 @@ pub const KERNELS: [Kernel; 15] = [
         entry_point: "weather",
         source: &[
             LAYOUT,
+            WET,
             include_str!("../../../../shaders/weather/cell.wgsl"),
             include_str!("../../../../shaders/weather/column.wgsl"),
             include_str!("../../../../shaders/weather/conduction.wgsl"),
             include_str!("../../../../shaders/weather/skin.wgsl"),
             include_str!("../../../../shaders/weather/descent.wgsl"),
+            include_str!("../../../../shaders/weather/fall.wgsl"),
             include_str!("../../../../shaders/weather/housekeeping.wgsl"),
             include_str!("../../../../shaders/weather.wgsl"),
         ],
@@ -319,7 +323,7 @@ pub const KERNELS: [Kernel; 15] = [
     Kernel {
         name: "totals",
         entry_point: "totals",
-        source: &[LAYOUT, include_str!("../../../../shaders/totals.wgsl")],
+        source: &[LAYOUT, WET, include_str!("../../../../shaders/totals.wgsl")],
         bindings: &[
             (Sessions, Read),
             (Tiles, Read),
@@ -337,59 +341,3 @@ pub const KERNELS: [Kernel; 15] = [
 /// What `sweep` and `shade` bind.
 const LIT: &[(Resource, Access)] =
     &[(Sessions, Read), (Heights, Read), (Ground, Read), (ShadeJobs, Read), (Shine, Write)];
-
-/// A kernel made ready for a device.
-#[derive(Debug)]
-pub struct Pipeline {
-    /// The pipeline.
-    pub pipeline: wgpu::ComputePipeline,
-    /// Layout of its one bind group.
-    pub layout: wgpu::BindGroupLayout,
-}
-
-impl Kernel {
-    /// Its whole source.
-    pub fn wgsl(&self) -> String {
-        self.source.join("\n")
-    }
-
-    /// Compiles it for a device.
-    pub fn pipeline(&self, device: &wgpu::Device) -> Pipeline {
-        let entries: Vec<_> = (0..).zip(self.bindings).map(|(i, b)| layout_entry(i, b)).collect();
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some(self.name),
-            entries: &entries,
-        });
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(self.name),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: PASS_BYTES,
-        });
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(self.name),
-            source: wgpu::ShaderSource::Wgsl(self.wgsl().into()),
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(self.name),
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some(self.entry_point),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        Pipeline { pipeline, layout }
-    }
-}
-
-fn layout_entry(binding: u32, &(_, access): &(Resource, Access)) -> wgpu::BindGroupLayoutEntry {
-    wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only: access == Access::Read },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    }
-}
