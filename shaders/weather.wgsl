@@ -172,7 +172,8 @@ fn step(
     let snow = cells > 0u;
     let rain_heat = select(0.0, WATER_HEAT * max(weather.air, 0.0) * kilograms(weather.rain) / weather.seconds, snow);
     let stack = eliminate(column, cells, (*surface).soil, metres, rain_heat, weather.seconds);
-    let skin = Skin(snow, depth, shortwave, 1.0 / stack.half, stack.top);
+    let turbulence = turbulence_over(weather, snow, depth);
+    let skin = Skin(snow, shortwave, 1.0 / stack.half, stack.top, turbulence);
     let balance = solve(skin, weather, (*surface).skin);
     (*surface).skin = balance.skin;
     if !snow {

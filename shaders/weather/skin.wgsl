@@ -16,10 +16,10 @@ const GROUND_ALBEDO: f32 = 0.2;
 
 struct Skin {
     snow: bool,
-    depth: f32,
     shortwave: f32,
     conductance: f32,
     top: Eliminated,
+    turbulence: Turbulence,
 }
 
 struct Balance {
@@ -34,25 +34,42 @@ struct Trial {
     vapour: f32,
 }
 
-// Coefficient of turbulent exchange.
-fn exchange_at(it: Skin, weather: WeatherStep, skin: f32) -> f32 {
+// What turbulent exchange owes to the instruments and the wind. The twin of firn-snow/alpine/turbulence.rs.
+struct Turbulence {
+    // Coefficient of exchange where air and skin are equally warm.
+    neutral: f32,
+    // Richardson's number for each kelvin by which the air is warmer than the skin.
+    stratification: f32,
+    // What stirs air that is colder than the skin.
+    stirring: f32,
+}
+
+fn turbulence_over(weather: WeatherStep, snow: bool, depth: f32) -> Turbulence {
     var wind_height = weather.wind_height;
     var air_height = weather.temperature_height;
     if (weather.flags & ABOVE_GROUND) != 0u {
-        wind_height = max(wind_height - it.depth, 0.5);
-        air_height = max(air_height - it.depth, 0.5);
+        wind_height = max(wind_height - depth, 0.5);
+        air_height = max(air_height - depth, 0.5);
     }
-    let roughness = select(0.05, 0.005, it.snow);
+    let roughness = select(0.05, 0.005, snow);
     let drag = log(wind_height / roughness);
-    let neutral = KARMAN / (drag * log(10.0 * air_height / roughness));
-    let richardson = GRAVITY * (weather.air - skin) * wind_height * wind_height
-        / (air_height * (weather.air + FREEZING) * weather.wind * weather.wind);
+    return Turbulence(
+        KARMAN / (drag * log(10.0 * air_height / roughness)),
+        GRAVITY * wind_height * wind_height
+            / (air_height * (weather.air + FREEZING) * weather.wind * weather.wind),
+        75.0 * KARMAN / (drag * drag) * sqrt(wind_height / roughness),
+    );
+}
+
+// Coefficient of exchange where the air is so much warmer than the skin [K].
+fn exchange_of(turbulence: Turbulence, warmer: f32) -> f32 {
+    let richardson = turbulence.stratification * warmer;
     if richardson >= 0.0 {
         let capped = min(richardson, 0.1);
-        return neutral / (1.0 + 15.0 * capped * sqrt(1.0 + 5.0 * capped));
+        return turbulence.neutral / (1.0 + 15.0 * capped * sqrt(1.0 + 5.0 * capped));
     }
-    let c = KARMAN / (drag * drag);
-    return neutral * (1.0 - 15.0 * richardson / (1.0 + 75.0 * c * sqrt(-richardson * wind_height / roughness)));
+    let stirred = 1.0 + turbulence.stirring * sqrt(-richardson);
+    return turbulence.neutral * (1.0 - 15.0 * richardson / stirred);
 }
 
 // Heat that is conducted from the skin down [W/m2].
@@ -62,7 +79,7 @@ fn conducted(it: Skin, skin: f32) -> f32 {
 
 fn balance_at(it: Skin, weather: WeatherStep, skin: f32) -> Trial {
     let kelvin = skin + FREEZING;
-    let exchange = weather.air_density * exchange_at(it, weather, skin) * weather.wind;
+    let exchange = weather.air_density * weather.wind * exchange_of(it.turbulence, weather.air - skin);
     let law = select(vec2(17.5043, 241.3), vec2(22.4422, 272.186), skin < 0.0);
     let humidity = 0.622 * 611.213 * exp(law.x * skin / (law.y + skin)) / weather.pressure;
     let rise = humidity * law.x * law.y / ((law.y + skin) * (law.y + skin));

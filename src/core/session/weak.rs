@@ -69,6 +69,8 @@ mod tests {
                 hardness: 0.0,
                 stress: 0.0,
                 mass: density * 0.2,
+                liquid_water: None,
+                hand_hardness: None,
             })
             .collect()
     }

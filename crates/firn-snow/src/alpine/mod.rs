@@ -16,6 +16,7 @@ mod shade;
 mod skin;
 mod step;
 mod surface;
+mod turbulence;
 mod weather_step;
 mod wet;
 

@@ -1,9 +1,9 @@
 //! The balance of energy at the skin, which decides its temperature and what melts.
 
 use super::conduction::Eliminated;
+use super::turbulence::{FREEZING, Turbulence};
 use super::weather_step::WeatherStep;
 use super::{FUSION, VAPORISATION};
-use crate::material::GRAVITY;
 
 /// Part of the long wave that is taken in and sent out.
 const EMISSIVITY: f32 = 0.99;
@@ -14,15 +14,6 @@ const STEFAN_BOLTZMANN: f32 = 5.67e-8;
 /// Specific heat of air \[J/(kg K)\].
 const AIR_HEAT: f32 = 1005.0;
 
-/// 0 °C \[K\].
-const FREEZING: f32 = 273.15;
-
-/// von Kármán's constant, squared.
-const KARMAN: f32 = 0.16;
-
-/// Roughness of snow and of ground \[m\].
-const ROUGHNESS: [f32; 2] = [0.005, 0.05];
-
 /// Most turns of Newton's method.
 const MOST_TURNS: u32 = 4;
 
@@ -32,8 +23,7 @@ pub(super) struct Skin<'a> {
     pub weather: &'a WeatherStep,
     /// Whether snow lies.
     pub snow: bool,
-    /// Depth of snow \[m\].
-    pub depth: f32,
+    pub turbulence: Turbulence,
     /// Short wave taken in \[W/m²\].
     pub shortwave: f32,
     /// Conductance to the middle of the topmost element \[W/(m² K)\].
@@ -101,7 +91,8 @@ impl Skin<'_> {
     fn at(&self, skin: f32) -> Trial {
         let weather = self.weather;
         let kelvin = skin + FREEZING;
-        let exchange = weather.air_density * self.exchange(skin) * weather.wind;
+        let exchange =
+            weather.air_density * weather.wind * self.turbulence.exchange(weather.air - skin);
         let (humidity, rise) = self.saturation(skin);
         let mut vapour = exchange * (humidity - weather.humidity);
         let mut rise = exchange * rise;
@@ -128,27 +119,5 @@ impl Skin<'_> {
         let (a, b) = if skin < 0.0 { (22.4422, 272.186) } else { (17.5043, 241.3) };
         let humidity = 0.622 * 611.213 * (a * skin / (b + skin)).exp() / self.weather.pressure;
         (humidity, humidity * a * b / ((b + skin) * (b + skin)))
-    }
-
-    /// Coefficient of turbulent exchange (Louis 1979, as Essery 2015 has it).
-    fn exchange(&self, skin: f32) -> f32 {
-        let weather = self.weather;
-        let below = if weather.above_ground { self.depth } else { 0.0 };
-        let above =
-            |height: f32| if weather.above_ground { (height - below).max(0.5) } else { height };
-        let (wind, temperature) = (above(weather.wind_height), above(weather.temperature_height));
-        let roughness = ROUGHNESS[usize::from(!self.snow)];
-        let drag = (wind / roughness).ln();
-        let neutral = KARMAN / (drag * (10.0 * temperature / roughness).ln());
-        let richardson = GRAVITY as f32 * (weather.air - skin) * wind * wind
-            / (temperature * (weather.air + FREEZING) * weather.wind * weather.wind);
-        let stability = if richardson >= 0.0 {
-            let richardson = richardson.min(0.1);
-            1.0 / (1.0 + 15.0 * richardson * (1.0 + 5.0 * richardson).sqrt())
-        } else {
-            let drag = KARMAN / (drag * drag);
-            1.0 - 15.0 * richardson / (1.0 + 75.0 * drag * (-richardson * wind / roughness).sqrt())
-        };
-        neutral * stability
     }
 }

@@ -6,6 +6,7 @@ use super::fall::fall;
 use super::housekeeping::House;
 use super::skin::{Balance, Skin};
 use super::surface::{FRESH_ALBEDO, GROUND_ALBEDO, Surface};
+use super::turbulence::Turbulence;
 use super::weather_step::WeatherStep;
 use super::wet::{capacity, kilograms, quanta};
 use super::{FUSION, WATER_HEAT};
@@ -76,7 +77,8 @@ impl Column {
         let top = scratch.eliminate(&self.cells, &surface.soil, metres, rain_heat, weather.seconds);
         let half = self.cells.last().map_or(half_of_ground(), |top| half_of(top, metres));
         let snow = !self.cells.is_empty();
-        let skin = Skin { weather, snow, depth, shortwave, conductance: 1.0 / half, top };
+        let turbulence = Turbulence::new(weather, snow, depth);
+        let skin = Skin { weather, snow, turbulence, shortwave, conductance: 1.0 / half, top };
         let balance = skin.solve(surface.skin);
         surface.skin = balance.skin;
         let through = skin.conducted(balance.skin) + balance.melt + rain_heat + GROUND_HEAT;
