@@ -6,6 +6,7 @@
 pub mod backend;
 pub mod bench;
 pub mod budget;
+pub mod caaml;
 pub mod cli;
 pub mod config;
 pub mod core;

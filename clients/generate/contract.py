@@ -22,8 +22,14 @@ API = Path(__file__).parents[2] / "api"
 HERE = "#/components/schemas/"
 REST = "openapi.json" + HERE
 
-# What stands in an answer only where there is some: what an object stands on, and what a batch did.
+# What stands in an answer only where there is some: what an object stands on, what a batch did, what alpine snow only
+# has, where it is, and what its weather was told of.
 LEFT_OUT = {"shape", "footprints", "results", "errors"}
+LEFT_OUT |= {"physics", "weather_step", "site", "latitude", "longitude", "start", "quantity"}
+LEFT_OUT |= {"snow_water_equivalent", "liquid_water", "skin_temperature", "albedo", "runoff", "hand_hardness"}
+LEFT_OUT |= {"rained", "deposited", "sublimated"}
+LEFT_OUT |= {"wind_direction", "pressure", "snowfall", "rainfall", "precipitation"}
+LEFT_OUT |= {"shortwave", "longwave", "cloud_cover", "sun"}
 
 Schema = Any
 Schemas = dict[str, Schema]

@@ -68,6 +68,15 @@ pub enum SessionProblems {
     Full(Problem),
 }
 
+/// Problems of what alpine snow only has.
+#[derive(IntoResponses)]
+#[expect(dead_code, reason = "it only describes the responses")]
+pub enum AlpineProblems {
+    /// The session's snow is not alpine.
+    #[response(status = 409, content_type = "application/problem+json")]
+    Conflict(Problem),
+}
+
 /// Problems of every call with a JSON body.
 #[derive(IntoResponses)]
 #[expect(dead_code, reason = "it only describes the responses")]

@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use firn_engine::frame::cell_bytes;
-use firn_protocol::{Reference, SessionSpec, SessionView, Stamp, State, WeatherView};
+use firn_protocol::{Reference, SessionSpec, SessionView, Settings, Stamp, State, WeatherView};
 use firn_snow::CELL;
+use firn_snow::weather::Site;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
 use super::memory::Companion;
@@ -171,6 +172,19 @@ impl Session {
         let clock = mirror.clock_at(self.frame());
         let stamp = Stamp { tick: clock.tick(), seq: mirror.seq };
         Ok(alpine.view(stamp, clock.sim_time()))
+    }
+
+    /// The simulated time of a tick near the present one \[s\], and where and when the snow is.
+    ///
+    /// # Errors
+    /// [`SessionError::Conflict`] where the session's snow feels no weather.
+    pub fn time_and_site(&self, tick: u64) -> Result<(f64, Arc<Site>), SessionError> {
+        let mirror = self.mirror();
+        let alpine = mirror.alpine.as_ref().ok_or_else(SessionError::feels_no_weather)?;
+        let clock = mirror.clock_at(self.frame());
+        let Settings { time_scale, tick_rate, .. } = mirror.settings;
+        let behind = clock.tick().saturating_sub(tick) as f64 * time_scale / tick_rate;
+        Ok(((clock.sim_time() - behind).max(0.0), alpine.site.clone()))
     }
 
     fn state(&self, mirror: &Mirror) -> State {

@@ -3,6 +3,7 @@
 mod auth;
 mod bodies;
 mod burden;
+mod caaml;
 mod cells;
 mod checkpoints;
 mod colliders;

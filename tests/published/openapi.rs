@@ -63,6 +63,8 @@ fn it_lists_every_call() {
         "post /snowfalls",
         "post /clearings",
         "put /air-temperature",
+        "get /weather",
+        "put /weather",
         "get /colliders",
         "post /colliders",
         "post /colliders:batch",

@@ -14,6 +14,7 @@ mod rust;
 #[path = "../support/mod.rs"]
 mod support;
 mod vectors;
+mod weather;
 
 use firn::config::BackendChoice;
 use serde_json::{Value, json};

@@ -37,8 +37,9 @@ TOLD = [name for name in MESSAGES if name not in SENT]
 CHANGES = ("snowfall", "clearing", "collider.put", "collider.patch", "collider.delete", "colliders.batch", "stamps")
 # Commands that change settings.
 SETTINGS = ("air_temperature", "set")
-# The session that the examples are about.
+# The session that the examples are about, but for those of the weather, which only alpine snow feels.
 SESSION = {"id": "alp", "paused": True, "grid": {"width": 4, "depth": 3, "height": 10, "cell_size": 0.5}}
+THESIS = [name for name in SENT if name != "weather"]
 
 
 def examples(names: list[str]) -> list[dict[str, Any]]:
@@ -147,8 +148,8 @@ async def test_examples_are_what_a_server_says(client: Client, protocol: str) ->
         story = Conversation(socket)
         epoch = (await story.until(op="welcome"))["epoch"]
         # In the order of their ids; what is about the subscription itself comes last.
-        order = [message["id"] + 100 * (message["op"] in ("update", "unsubscribe")) for message in examples(SENT)]
-        for _, message in sorted(zip(order, examples(SENT), strict=True), key=lambda item: item[0]):
+        order = [message["id"] + 100 * (message["op"] in ("update", "unsubscribe")) for message in examples(THESIS)]
+        for _, message in sorted(zip(order, examples(THESIS), strict=True), key=lambda item: item[0]):
             await story.say(with_epoch(message, epoch))
         await story.say({"op": "snowfall", "id": 11, "depth": -1})
         await story.say({"op": "collider.delete", "id": 12, "collider": "fox"})
@@ -168,10 +169,28 @@ async def test_examples_are_what_a_server_says(client: Client, protocol: str) ->
         assert f"| {socket.close_code} |" in DOCUMENT["info"]["description"]
 
     for example in examples(TOLD):
-        if example.get("event") == "step_progress":  # no part of this conversation
+        if example.get("event") in ("step_progress", "weather"):  # no part of this conversation
             continue
         if example.get("event") == "settled":  # when that is, is the clock's business
             example = example | {"tick": settled["tick"], "seq": settled["seq"]}
         assert with_epoch(example, epoch) in story.heard
     if protocol == "firn.v1.bin":
         assert any(f"`{message}`" in MESSAGES["heights"]["description"] for message in story.binary)
+
+
+@pytest.mark.parametrize("protocol", ["firn.v1.json", "firn.v1.bin"])
+async def test_examples_of_the_weather_are_what_a_server_says(client: Client, protocol: str) -> None:
+    session = client.create_session(**SESSION, physics="alpine")
+    async with (
+        asyncio.timeout(60),
+        connect(session.stream().url, subprotocols=[Subprotocol(protocol)]) as socket,
+    ):
+        story = Conversation(socket)
+        await story.say({"op": "subscribe", "id": 21, "events": ["weather"], "max_rate": 60})
+        for message in examples(["weather"]):
+            await story.say(message)
+            told = {"event": "weather", "seq": story.heard[-1]["seq"]}
+            while not any(told.items() <= heard.items() for heard in story.heard):
+                await story.hear()
+    (example,) = (example for example in examples(["event"]) if example["event"] == "weather")
+    assert example in story.heard

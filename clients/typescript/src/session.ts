@@ -34,6 +34,8 @@ import type {
   TerrainQuery,
   Tokens,
   Usage,
+  WeatherInput,
+  WeatherView,
 } from "./types.ts";
 
 /** Media type of a snapshot. */
@@ -45,7 +47,7 @@ export interface CellsQuery extends Omit<GetCellsQuery, "fields"> {
   fields?: string[];
 }
 
-/** Heights of a region, row by row: index = z · width + x. */
+/** Heights of a region, or another quantity of its columns, row by row: index = z · width + x. */
 export interface Heights extends Stamp {
   heights: Float32Array;
 }
@@ -156,6 +158,16 @@ export class Session {
     return this.call("/air-temperature", { method: "PUT", body: { celsius } });
   }
 
+  /** The weather of alpine snow: what was told, what holds now, and what of that was worked out. */
+  weather(): Promise<WeatherView> {
+    return this.call("/weather");
+  }
+
+  /** Gives alpine snow another weather: values that hold until they are replaced, or a series. */
+  putWeather(weather: WeatherInput): Promise<Stamp> {
+    return this.call("/weather", { method: "PUT", body: weather });
+  }
+
   /** A page of the objects on the snow. */
   colliders(query: PageQuery = {}): Promise<ColliderPage> {
     return this.call("/colliders", { query });
@@ -202,7 +214,7 @@ export class Session {
     return this.call("/stamps", { method: "POST", body: { stamps }, idempotencyKey });
   }
 
-  /** Snow depths [m]. */
+  /** Snow depths [m]; of alpine snow also another `quantity` of the columns, in its unit. */
   async heights(query: HeightsQuery = {}): Promise<Heights> {
     return this.floats("/heights", query);
   }
@@ -245,6 +257,12 @@ export class Session {
   /** A column, layer by layer, with its weak layers. */
   column(column_x: number, column_z: number, signal?: AbortSignal): Promise<Column> {
     return this.call(`/columns/${column_x}/${column_z}`, { signal });
+  }
+
+  /** A column of alpine snow as a snow profile after CAAML 6.0.3, as XML. */
+  async snowProfile(column_x: number, column_z: number): Promise<string> {
+    const request = { query: { format: "caaml" }, accept: "application/xml" };
+    return (await send(this.access, this.path(`/columns/${column_x}/${column_z}`), request)).text();
   }
 
   /** Cells of the fixed grid. */

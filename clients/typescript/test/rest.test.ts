@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { after, test } from "node:test";
 
-import { type ColliderSpec, Firn, ProblemError, type StampSpec } from "../src/index.ts";
+import { type ColliderSpec, Firn, ProblemError, type StampSpec, type WeatherInput } from "../src/index.ts";
 import { startServer } from "./server.ts";
 
 const server = await startServer({ args: ["--backend", "cpu"] });
@@ -141,4 +141,45 @@ test("stamps leave prints", async () => {
   assert.deepEqual((await session.heights()).heights, heights);
   assert.equal((await session.colliders()).items.length, 0);
   await assert.rejects(session.stamp([{ ...foot, pressure: 1 }]), { status: 422 });
+});
+
+test("alpine snow feels the weather", async () => {
+  const cold = { air_temperature: -6, relative_humidity: 70, wind_speed: 2, shortwave: 0 };
+  const rain = { air_temperature: 6, relative_humidity: 95, wind_speed: 3, rainfall: 6, cloud_cover: 1 };
+  const site = { latitude: 46.8, longitude: 9.8, start: "2026-03-20T00:00:00Z" };
+  const created = await firn.createSession({
+    id: "alpine",
+    physics: "alpine",
+    paused: true,
+    time_scale: 3600,
+    grid: { width: 4, depth: 3, height: 30, cell_size: 0.1 },
+    site,
+    weather: cold,
+    initial_snow: [{ depth: 1, density: 280, temperature: -1 }],
+  });
+  assert.deepEqual([created.physics, created.weather_step, created.site?.start], ["alpine", 900, site.start]);
+  const session = firn.session("alpine");
+  const { now, derived, weather } = await session.weather();
+  assert.deepEqual(weather, cold);
+  assert.ok(now.air_temperature === -6 && derived.includes("longwave") && !derived.includes("shortwave"));
+  const { heights } = await session.heights({ quantity: "snow_water_equivalent" });
+  assert.ok(heights.every((mass) => Math.abs(mass - 280) < 0.01));
+
+  const series: WeatherInput = { series: [{ at: 0, ...rain }], interpolate: false };
+  const { seq } = await session.putWeather(series);
+  const told = await session.weather();
+  assert.deepEqual([told.seq, told.weather], [seq, series]);
+  await session.step({ ticks: 120 });
+  const column = await session.column(1, 2);
+  assert.ok((column.layers.at(-1)?.liquid_water ?? 0) > 0 && column.skin_temperature === 0);
+  const mass = await session.mass();
+  assert.ok((mass.rained ?? 0) > 0 && mass.imbalance_quanta === 0);
+  const xml = await session.snowProfile(1, 2);
+  assert.equal(xml.match(/<caaml:hardness/g)?.length, column.layers.length);
+  await assert.rejects(session.putWeather({ ...rain, wind_speed: -1 }), { status: 422 });
+
+  await firn.createSession({ id: "no-weather", paused: true });
+  const other = firn.session("no-weather");
+  await assert.rejects(other.weather(), { status: 409 });
+  await assert.rejects(other.heights({ quantity: "liquid_water" }), { status: 409 });
 });

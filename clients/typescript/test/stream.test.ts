@@ -160,6 +160,26 @@ test("events come where they are wanted, and watches tell each crossing", async 
   assert.equal(await holds("all"), true);
 });
 
+test("weather comes and is told over the stream", async (t) => {
+  const grid = { width: 4, depth: 4, height: 20 };
+  await firn.createSession({ id: "weather", physics: "alpine", grid, paused: true, initial_snow: [{ depth: 1 }] });
+  const session = firn.session("weather");
+  const told: StreamEvent[] = [];
+  const stream = session.stream({ onEvent: (event) => told.push(event) });
+  t.after(() => stream.close());
+  const inbox = new Inbox();
+  stream.subscribe({ max_rate: 60, events: ["weather"] }, inbox.put);
+  await inbox.until(({ field }) => field.complete);
+  const rain = { air_temperature: 6, relative_humidity: 95, wind_speed: 3, rainfall: 6, shortwave: 50 };
+  const { seq } = await stream.command("weather", rain);
+  const { now } = await session.weather();
+  while (told.length === 0) await new Promise((resolve) => setTimeout(resolve, 10));
+  const event = told[0] as StreamEvent;
+  assert.ok(event.event === "weather" && event.seq === seq, JSON.stringify(event));
+  assert.deepEqual(event.now, now);
+  await assert.rejects(stream.command("weather", { ...rain, wind_speed: -1 }), { status: 422 });
+});
+
 test("a stream that was cut off resumes, and gets what it missed", async (t) => {
   const grid = { width: 64, depth: 64, height: 30 };
   await firn.createSession({ id: "cut", grid, paused: true, initial_snow: [{ depth: 2 }] });

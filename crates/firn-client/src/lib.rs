@@ -24,6 +24,24 @@
 //! # }
 //! ```
 //!
+//! Alpine snow feels the weather:
+//!
+//! ```no_run
+//! use firn_client::Client;
+//! use firn_protocol::{Physics, SessionBody, SnowLayer, Weather};
+//!
+//! # async fn run() -> Result<(), firn_client::Error> {
+//! let client = Client::new("http://127.0.0.1:8080")?;
+//! let snow = vec![SnowLayer::new(1.2)];
+//! let body = SessionBody { physics: Physics::Alpine, initial_snow: snow, ..SessionBody::default() };
+//! let (alp, _) = client.create(&body.into()).await?;
+//! let thaw = Weather { air_temperature: 4.0, rainfall: Some(2.0), shortwave: Some(0.0), ..Weather::default() };
+//! alp.put_weather(&thaw.into()).await?;
+//! println!("{:?}", alp.weather().await?.now);
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! A [`HeightField`] puts the tiles together, and the ground where a subscription asks for its
 //! [`terrain`](firn_protocol::Subscribe::terrain). After a lost connection, open another stream, pass
 //! [`HeightField::resume`] to the next subscription, and only what was missed is sent. To forward or count

@@ -36,22 +36,28 @@ pub struct ColumnView {
     pub weak_layers: Vec<WeakLayerView>,
     /// What alpine snow has beside.
     #[serde(flatten)]
+    #[cfg_attr(feature = "schema", schema(value_type = AlpineColumn))]
     pub alpine: Option<AlpineColumn>,
 }
 
-/// What a column of alpine snow has beside its layers.
+/// What a column of alpine snow has beside its layers; other snow has none of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct AlpineColumn {
     /// Mass of ice and water on a square metre \[kg/m²\].
+    #[cfg_attr(feature = "schema", schema(required = false))]
     pub snow_water_equivalent: f64,
     /// Mass of liquid water on it \[kg/m²\].
+    #[cfg_attr(feature = "schema", schema(required = false))]
     pub liquid_water: f64,
     /// Temperature of the surface of snow or ground \[°C\].
+    #[cfg_attr(feature = "schema", schema(required = false))]
     pub skin_temperature: f64,
     /// Part of the short wave that is sent back, as it is seen.
+    #[cfg_attr(feature = "schema", schema(required = false))]
     pub albedo: f64,
     /// Water that has run off since the session began \[kg/m²\].
+    #[cfg_attr(feature = "schema", schema(required = false))]
     pub runoff: f64,
 }
 

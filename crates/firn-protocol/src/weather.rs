@@ -150,6 +150,7 @@ pub struct WeatherNow {
     /// Wind speed \[m/s\].
     pub wind_speed: f64,
     /// Where the wind comes from \[°\]; `null` where nobody has told.
+    #[cfg_attr(feature = "schema", schema(required = true))]
     pub wind_direction: Option<f64>,
     /// Air pressure \[hPa\].
     pub pressure: f64,
@@ -164,5 +165,6 @@ pub struct WeatherNow {
     /// Part of the sky that clouds cover, 0 to 1.
     pub cloud_cover: f64,
     /// Where the sun stands; `null` where nobody knows.
+    #[cfg_attr(feature = "schema", schema(required = true))]
     pub sun: Option<SunPosition>,
 }

@@ -3,18 +3,17 @@
 pub(super) mod decode;
 mod encode;
 mod quantities;
+mod view;
 mod window;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use firn_protocol::Stamp;
-use firn_snow::Grid;
-use serde::{Serialize, Serializer};
-use utoipa::{IntoParams, ToSchema};
+use utoipa::IntoParams;
 
 use crate::http::accept;
-use crate::http::docs::{Held, ParameterProblems, SessionPath, SessionProblems};
+use crate::http::docs::{AlpineProblems, Held, ParameterProblems, SessionPath, SessionProblems};
 use crate::http::etag;
 use crate::http::extract::{FromQuery, Query};
 use crate::http::npy;
@@ -25,6 +24,8 @@ use crate::problem::Problem;
 use crate::session::{Mirror, Session, Visit};
 
 use self::quantities::{QUANTITIES, Quantity};
+pub(super) use self::view::{Floats, GreyImage, HeightsView, NumpyArray};
+use self::view::{Heights, Origin, Values};
 use self::window::Window;
 use super::{json, stamp_headers};
 
@@ -112,55 +113,6 @@ pub(super) enum Shown {
     Ground,
 }
 
-/// Heights of a region.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct HeightsView {
-    /// When this holds.
-    #[serde(flatten)]
-    stamp: Stamp,
-    /// First column.
-    origin: Origin,
-    /// Samples along x.
-    width: u32,
-    /// Samples along z.
-    depth: u32,
-    /// Columns from one sample to the next.
-    stride: u32,
-    /// Side of a column \[m\].
-    cell_size: f64,
-    /// Snow depths \[m\], or elevations where those are asked for, row by row: index = z · width + x.
-    #[schema(value_type = Vec<f64>)]
-    heights: Heights,
-}
-
-/// A column.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
-pub struct Origin {
-    /// Along x.
-    column_x: u32,
-    /// Along z.
-    column_z: u32,
-}
-
-/// Snow depths as 32-bit floats, little-endian, row by row.
-#[derive(ToSchema)]
-#[schema(value_type = String, format = Binary)]
-#[expect(dead_code, reason = "it only describes the answer")]
-pub struct Floats(Vec<u8>);
-
-/// A 16-bit grey image, one pixel per sample: metres = grey · `Firn-Height-Scale` +
-/// `Firn-Height-Offset`. Both are the same for all images of a session's snow, and of its surface.
-#[derive(ToSchema)]
-#[schema(value_type = String, format = Binary)]
-#[expect(dead_code, reason = "it only describes the answer")]
-pub struct GreyImage(Vec<u8>);
-
-/// A NumPy array file (version 1.0): 32-bit floats, little-endian, C order, shape (depth, width).
-#[derive(ToSchema)]
-#[schema(value_type = String, format = Binary)]
-#[expect(dead_code, reason = "it only describes the answer")]
-pub struct NumpyArray(Vec<u8>);
-
 /// Read snow depths
 ///
 /// Of all columns, or of a region, or of every second, fourth or eighth column. By `Accept` as JSON,
@@ -195,6 +147,7 @@ pub struct NumpyArray(Vec<u8>);
             content_type = "application/problem+json"),
         (status = 413, description = "The answer would have more than 2²⁴ samples",
             body = Problem, content_type = "application/problem+json"),
+        AlpineProblems,
         SessionProblems,
         ParameterProblems
     )
@@ -327,40 +280,8 @@ impl Read {
 
     fn view(&self, stamp: Stamp, cell_size: f64, heights: Heights) -> HeightsView {
         let Window { origin, width, depth, stride } = self.window;
-        HeightsView { stamp, origin, width, depth, stride, cell_size, heights }
-    }
-}
-
-/// Heights as they were copied out of the mirror.
-#[derive(Debug)]
-struct Heights {
-    grid: Grid,
-    /// Thicknesses of the snow, in quanta; none for elevations of the ground.
-    quanta: Option<Vec<u32>>,
-    /// Elevations of the ground \[m\]; none for depths.
-    ground: Option<Vec<f64>>,
-}
-
-impl Heights {
-    /// How many they are.
-    fn count(&self) -> usize {
-        let ground = || self.ground.as_ref().map_or(0, Vec::len);
-        self.quanta.as_ref().map_or_else(ground, Vec::len)
-    }
-
-    /// Each of them \[m\].
-    fn metres(&self) -> impl Iterator<Item = f64> {
-        let depth = |i: usize| {
-            self.quanta.as_ref().map_or(0.0, |quanta| self.grid.metres(quanta[i].into()))
-        };
-        let ground = |i: usize| self.ground.as_ref().map_or(0.0, |ground| ground[i]);
-        (0..self.count()).map(move |i| depth(i) + ground(i))
-    }
-}
-
-impl Serialize for Heights {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.metres())
+        let heights = Values::Heights(heights);
+        HeightsView { stamp, origin, width, depth, stride, cell_size, quantity: None, heights }
     }
 }
 

@@ -7,7 +7,7 @@ use axum::extract::State;
 use axum::response::{IntoResponse, Response};
 use firn_protocol::{Stamp, WeatherInput, WeatherView};
 
-use crate::http::docs::{BodyProblems, SessionPath, SessionProblems};
+use crate::http::docs::{AlpineProblems, BodyProblems, SessionPath, SessionProblems};
 use crate::http::extract::Json;
 use crate::http::state::App;
 use crate::http::target::Target;
@@ -27,7 +27,8 @@ const TEXT: u64 = 4;
     operation_id = "get_weather",
     tag = "weather",
     params(SessionPath),
-    responses((status = 200, description = "The weather", body = WeatherView), SessionProblems)
+    responses((status = 200, description = "The weather", body = WeatherView), AlpineProblems,
+        SessionProblems)
 )]
 pub async fn get(State(app): State<App>, Target(session): Target) -> Result<Response, Problem> {
     let view = session.weather()?;
@@ -51,6 +52,7 @@ pub async fn get(State(app): State<App>, Target(session): Target) -> Result<Resp
     request_body = WeatherInput,
     responses(
         (status = 200, description = "When it was set", body = Stamp),
+        AlpineProblems,
         SessionProblems,
         BodyProblems
     )

@@ -1,5 +1,7 @@
 use firn_protocol::stream::Command;
-use firn_protocol::{ColumnRegion, EventKind, Events, Probe, Resume, SampleField};
+use firn_protocol::{
+    ColumnRegion, EventKind, Events, Probe, Resume, SampleField, Weather, WeatherRow, WeatherSeries,
+};
 use firn_snow::{Position, Shape};
 
 use super::*;
@@ -152,6 +154,10 @@ fn every_command_of_a_client_is_read() {
     let snowfall = Snowfall::new(0.5);
     let (clearing, air) =
         (Clearing { depth: 0.1, ..Clearing::default() }, AirTemperature { celsius: -5.0 });
+    let weather = Weather { rainfall: Some(1.5), ..Weather::default() };
+    let rows = vec![WeatherRow { at: 60.0, weather }];
+    let (steady, series): (WeatherInput, WeatherInput) =
+        (weather.into(), WeatherSeries { series: rows, interpolate: true }.into());
     let settings = SettingsPatch { paused: Some(true), ..SettingsPatch::default() };
     let patch = ColliderPatch {
         position: Some(Position { x: 3.0, z: 2.0 }),
@@ -189,6 +195,14 @@ fn every_command_of_a_client_is_read() {
             change(Change::Clearing(clearing), ""),
         ),
         (Command::AirTemperature { id: 1, air }, change(Change::AirTemperature(air), "")),
+        (
+            Command::Weather { id: 1, weather: steady.clone() },
+            change(Change::Weather(steady.into()), ""),
+        ),
+        (
+            Command::Weather { id: 1, weather: series.clone() },
+            change(Change::Weather(series.into()), ""),
+        ),
         (Command::Set { id: 1, settings }, change(Change::Settings(settings), "")),
         (
             Command::PutCollider { id: 1, collider: collider.clone() },
@@ -222,8 +236,7 @@ fn events_are_true_false_or_known_kinds() {
     };
     let (pointer, told) = detail(r#"{"op":"subscribe","id":1,"events":["settled","thaw"]}"#);
     assert_eq!(pointer, "/events/1");
-    let kinds =
-        "`snowfall`, `clearing`, `settings`, `terrain`, `settled`, `step_progress`, `reset`";
+    let kinds = "`snowfall`, `clearing`, `settings`, `weather`, `terrain`, `settled`, `step_progress`, `reset`";
     assert_eq!(told, format!("unknown variant `thaw`; known are {kinds}"));
     let (pointer, told) = detail(r#"{"op":"update","id":1,"events":"settled"}"#);
     assert_eq!(pointer, "/events");

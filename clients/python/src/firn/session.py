@@ -40,6 +40,9 @@ from .types import (
     Step,
     TerrainQuery,
     Usage,
+    Weather,
+    WeatherSeries,
+    WeatherView,
 )
 
 if TYPE_CHECKING:
@@ -48,10 +51,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Heights:
-    """Heights, and when they hold."""
+    """Heights, or another quantity of the columns, and when they hold."""
 
     heights: NDArray[np.float32]
-    """[m], shape (depth, width): `heights[z, x]`."""
+    """[m], or in the unit of the quantity; shape (depth, width): `heights[z, x]`."""
     tick: int
     seq: int
     """Number of the state. It only grows, and may exceed 32 bits."""
@@ -175,6 +178,14 @@ class Session:
         """Sets the air temperature [°C]."""
         return cast(Stamp, self._call("PUT", "/air-temperature", json={"celsius": celsius}))
 
+    def weather(self) -> WeatherView:
+        """The weather of alpine snow: what was told, what holds now, and what of that was worked out."""
+        return cast(WeatherView, self._call("GET", "/weather"))
+
+    def put_weather(self, weather: Weather | WeatherSeries) -> Stamp:
+        """Gives alpine snow another weather: values that hold until they are replaced, or a series."""
+        return cast(Stamp, self._call("PUT", "/weather", json=weather))
+
     def colliders(self) -> Iterator[Collider]:
         """The objects on the snow, page by page."""
         yield from self.client._pages(f"{self.path}/colliders")
@@ -221,7 +232,11 @@ class Session:
         return list(self._post("/stamps", {"stamps": list(stamps)}, idempotency_key)["stamps"])
 
     def heights(self, **query: Unpack[HeightsQuery]) -> Heights:
-        """Snow depths; of a part by `column_x`, `column_z`, `width`, `depth`, `stride`; `surface` adds the ground."""
+        """Snow depths; of a part by `column_x`, `column_z`, `width`, `depth`, `stride`; `surface` adds the ground.
+
+        Of alpine snow also another `quantity`: `"snow_water_equivalent"`, `"liquid_water"` [kg/m²] or
+        `"skin_temperature"` [°C].
+        """
         params = {name: str(value).lower() for name, value in query.items()}
         return self._array("/heights", params)
 
@@ -250,6 +265,11 @@ class Session:
     def column(self, column_x: int, column_z: int) -> Column:
         """A column, layer by layer from the ground up, with its weak layers."""
         return cast(Column, self._call("GET", f"/columns/{column_x}/{column_z}"))
+
+    def snow_profile(self, column_x: int, column_z: int) -> str:
+        """A column of alpine snow as a snow profile after CAAML 6.0.3, as XML."""
+        path = f"{self.path}/columns/{column_x}/{column_z}"
+        return self.client.request("GET", path, params={"format": "caaml"}).text
 
     def cells(self, fields: Iterable[str], **box: int | str) -> dict[str, NDArray[np.float64]]:
         """Fields of the fixed grid, each of shape (z, y, x), NaN outside the snow.

@@ -2,7 +2,6 @@
 
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
-use firn_protocol::Stamp;
 use firn_snow::{ColumnRect, ColumnTotals, MASS_QUANTA};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -17,7 +16,7 @@ use crate::session::Visit;
 
 use super::encode::LONGEST_NUMBER;
 use super::window::Window;
-use super::{FLOATS, JSON, NPY, Origin, WindowQuery};
+use super::{FLOATS, HeightsView, JSON, NPY, Origin, Values, WindowQuery};
 
 /// Most columns that are read at a time.
 const MOST_COLUMNS: u64 = 1 << 20;
@@ -47,21 +46,6 @@ pub const QUANTITIES: [(&str, Quantity); 4] = [
 
 /// What these quantities exist as; the first is the default.
 const MEDIA_TYPES: [&str; 3] = [JSON, FLOATS, NPY];
-
-/// A quantity of the columns of a region.
-#[derive(Debug, Serialize)]
-struct QuantityView {
-    #[serde(flatten)]
-    stamp: Stamp,
-    quantity: Quantity,
-    origin: Origin,
-    width: u32,
-    depth: u32,
-    stride: u32,
-    cell_size: f64,
-    /// Row by row: index = z · width + x.
-    heights: Vec<f32>,
-}
 
 impl Quantity {
     fn of(self, totals: &ColumnTotals) -> f32 {
@@ -117,15 +101,15 @@ pub async fn tell(
                 _ => {
                     let Window { origin, width, depth, stride } = window;
                     let (cell_size, count) = (grid.cell_size, values.len());
-                    let view = QuantityView {
+                    let view = HeightsView {
                         stamp,
-                        quantity,
                         origin,
                         width,
                         depth,
                         stride,
                         cell_size,
-                        heights: values,
+                        quantity: Some(quantity),
+                        heights: Values::Others(values),
                     };
                     (head, json(&view, count * LONGEST_NUMBER)?).into_response()
                 }
