@@ -22,8 +22,13 @@ API = Path(__file__).parents[2] / "api"
 HERE = "#/components/schemas/"
 REST = "openapi.json" + HERE
 
-# What stands in an answer only where there is some: what an object stands on, and what a batch did.
-LEFT_OUT = {"shape", "footprints", "results", "errors"}
+# What stands in an answer only where there is some: what an object stands on, what a batch did, what only alpine snow has, and what
+# was told of its weather.
+ALPINE = {"physics", "weather_step", "site", "rained", "deposited", "sublimated", "runoff"}
+ALPINE |= {"liquid_water", "hand_hardness", "snow_water_equivalent", "skin_temperature", "albedo"}
+WEATHER = {"latitude", "longitude", "start", "wind_direction", "pressure", "snowfall", "rainfall", "precipitation"}
+WEATHER |= {"shortwave", "longwave", "cloud_cover", "sun"}
+LEFT_OUT = {"shape", "footprints", "results", "errors"} | ALPINE | WEATHER
 
 Schema = Any
 Schemas = dict[str, Schema]

@@ -4,7 +4,7 @@ export { Firn } from "./firn.ts";
 export { HeightField } from "./height-field.ts";
 export { DecodeError, decode, GROUND_STEPS_PER_METRE, type GroundTile, type HeightMessage, type Tile } from "./height-stream.ts";
 export { type Access, ProblemError, type Request, send } from "./http.ts";
-export { type CellsQuery, type Heights, Session } from "./session.ts";
+export { Session } from "./session.ts";
 export { DisconnectedError, Stream, type StreamOptions, type StreamState } from "./stream.ts";
 export { type Change, Subscription, type Watch } from "./subscription.ts";
 export type * from "./types.ts";

@@ -1,11 +1,11 @@
 // A session over REST.
 
-import type { GetCellsQuery } from "./generated.ts";
 import { type Access, ask, ProblemError, type Request, send } from "./http.ts";
 import { Stream, type StreamOptions } from "./stream.ts";
 import type {
   BatchReply,
   Cells,
+  CellsQuery,
   Checkpoint,
   CheckpointList,
   Clearing,
@@ -16,13 +16,14 @@ import type {
   ColliderPatch,
   ColliderSpec,
   Column,
+  Heights,
   HeightsQuery,
   MassLedger,
   PageQuery,
   Probe,
   ProbeSpec,
   SampleBatch,
-  SampleFields,
+  Samples,
   SessionView,
   SettingsPatch,
   Snowfall,
@@ -34,26 +35,12 @@ import type {
   TerrainQuery,
   Tokens,
   Usage,
+  WeatherInputSpec,
+  WeatherView,
 } from "./types.ts";
 
 /** Media type of a snapshot. */
 const SNAPSHOT = "application/vnd.firn.snapshot";
-
-/** Which cells of the fixed grid to read. */
-export interface CellsQuery extends Omit<GetCellsQuery, "fields"> {
-  /** Names of fields. */
-  fields?: string[];
-}
-
-/** Heights of a region, row by row: index = z · width + x. */
-export interface Heights extends Stamp {
-  heights: Float32Array;
-}
-
-/** The snow at points. Of the fields that were asked for a value for each point, `null` for the others. */
-export interface Samples extends Stamp {
-  fields: SampleFields;
-}
 
 /** One session of a server. A change is answered once it is applied and visible to the next read. */
 export class Session {
@@ -156,6 +143,16 @@ export class Session {
     return this.call("/air-temperature", { method: "PUT", body: { celsius } });
   }
 
+  /** The weather of alpine snow: what was told, what holds now, and what of that was worked out. */
+  weather(): Promise<WeatherView> {
+    return this.call("/weather");
+  }
+
+  /** Sets the weather of alpine snow: one that holds until it is replaced, or a series. */
+  setWeather(weather: WeatherInputSpec): Promise<Stamp> {
+    return this.call("/weather", { method: "PUT", body: weather });
+  }
+
   /** A page of the objects on the snow. */
   colliders(query: PageQuery = {}): Promise<ColliderPage> {
     return this.call("/colliders", { query });
@@ -202,9 +199,9 @@ export class Session {
     return this.call("/stamps", { method: "POST", body: { stamps }, idempotencyKey });
   }
 
-  /** Snow depths [m]. */
-  async heights(query: HeightsQuery = {}): Promise<Heights> {
-    return this.floats("/heights", query);
+  /** Snow depths [m], or another `quantity` of alpine snow in its unit. */
+  heights(query: HeightsQuery = {}, signal?: AbortSignal): Promise<Heights> {
+    return this.floats("/heights", query, signal);
   }
 
   /** Elevations of the ground [m]. */
@@ -228,9 +225,9 @@ export class Session {
     return this.call("/terrain", { method: "PUT", body, contentType, query });
   }
 
-  private async floats(below: string, query: HeightsQuery): Promise<Heights> {
+  private async floats(below: string, query: HeightsQuery, signal?: AbortSignal): Promise<Heights> {
     const accept = "application/octet-stream";
-    const response = await send(this.access, this.path(below), { query, accept });
+    const response = await send(this.access, this.path(below), { query, accept, signal });
     const view = new DataView(await response.arrayBuffer());
     const heights = Float32Array.from({ length: view.byteLength / 4 }, (_, i) => view.getFloat32(4 * i, true));
     const stamp = (name: string) => Number(response.headers.get(name));

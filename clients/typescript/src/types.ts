@@ -2,7 +2,10 @@
 //
 // The shapes are generated from the published contract; this gives them the names that the client uses.
 
+import type { GetCellsQuery, SampleFields, Stamp } from "./generated.ts";
+
 export type {
+  AlpineColumn,
   BatchOutcome,
   BatchReply,
   BatchResult,
@@ -27,6 +30,7 @@ export type {
   PartSpec as FootprintSpec,
   Grid,
   GridSpec,
+  HandHardness,
   GetHeightsQuery as HeightsQuery,
   GetTerrainQuery as TerrainQuery,
   LayerView as Layer,
@@ -37,6 +41,7 @@ export type {
   MemoryBytes,
   OnError,
   ListSessionsQuery as PageQuery,
+  Physics,
   Position,
   Preset,
   Pressing,
@@ -55,6 +60,7 @@ export type {
   Settings,
   SettingsPatch,
   Shape,
+  Site,
   SnowLayer,
   Snowfall,
   SnowfallReply,
@@ -67,7 +73,28 @@ export type {
   Terrain,
   TokensReply as Tokens,
   UsageView as Usage,
-  WeakLayerView as WeakLayer,
   WatchEvent,
+  WeakLayerView as WeakLayer,
+  Weather,
+  WeatherInput,
+  WeatherInputSpec,
+  WeatherNow,
+  WeatherView,
   WelcomeMessage as Welcome,
 } from "./generated.ts";
+
+/** Which cells of the fixed grid to read. */
+export interface CellsQuery extends Omit<GetCellsQuery, "fields"> {
+  /** Names of fields. */
+  fields?: string[];
+}
+
+/** Heights of a region, row by row: index = z · width + x. */
+export interface Heights extends Stamp {
+  heights: Float32Array;
+}
+
+/** The snow at points. Of the fields that were asked for a value for each point, `null` for the others. */
+export interface Samples extends Stamp {
+  fields: SampleFields;
+}
