@@ -142,3 +142,30 @@ test("stamps leave prints", async () => {
   assert.equal((await session.colliders()).items.length, 0);
   await assert.rejects(session.stamp([{ ...foot, pressure: 1 }]), { status: 422 });
 });
+
+test("alpine snow and its weather", async () => {
+  const grid = { width: 16, depth: 12, height: 30 };
+  const site = { latitude: 46.8, longitude: 9.8, start: "2026-03-20T11:00:00Z" };
+  const mild = { air_temperature: 5, relative_humidity: 70, wind_speed: 2 };
+  const initial_snow = [{ depth: 1, density: 300 }];
+  await firn.createSession({ id: "alp", physics: "alpine", paused: true, grid, site, initial_snow, weather: mild });
+  const session = firn.session("alp");
+  assert.deepEqual((await session.weather()).weather, mild);
+  await session.setWeather({ series: [{ at: 0, ...mild, shortwave: 600 }] });
+  const { now, derived } = await session.weather();
+  assert.deepEqual([now.shortwave, derived.includes("shortwave"), derived.includes("longwave")], [600, false, true]);
+  await session.patch({ time_scale: 3600 });
+  await session.step({ seconds: 6 * 3600 });
+  const [swe, water] = await Promise.all(
+    (["snow_water_equivalent", "liquid_water"] as const).map(async (quantity) => (await session.heights({ quantity })).heights),
+  );
+  const column = await session.column(0, 0);
+  assert.ok(Math.abs((swe?.[0] as number) - column.snow_water_equivalent) < 1e-3);
+  const wet = column.layers.reduce((sum, layer) => sum + (layer.liquid_water ?? 0), 0);
+  assert.ok(wet > 0 && Math.abs((water?.[0] as number) - wet) < 1e-3);
+  assert.ok(column.layers.every(({ hand_hardness }) => hand_hardness));
+  await assert.rejects(session.setWeather({ ...mild, wind_speed: -1 }), { status: 422 });
+  await firn.createSession({ id: "thesis", paused: true, grid });
+  assert.equal((await firn.session("thesis").get()).physics, undefined);
+  await assert.rejects(firn.session("thesis").weather(), { status: 409 });
+});
