@@ -1,24 +1,28 @@
 // What colours can show, the same as the server's pictures: names, units and colour maps.
 
-import type { Cells } from "firn-client";
+import type { Cells, HeightsQuery } from "firn-client";
 
 /** A quantity that colours show. */
 export interface Field {
   name: string;
   unit: string;
-  /** What the server is asked for. */
-  needs: string[];
   /** From the least to the greatest value. */
   colours: string[];
   /** Whether the middle of the colours is 0. */
   diverging?: boolean;
   /** The shortest range that the colours are spread over. */
   leastRange: number;
+}
+
+/** A quantity of cells. */
+export interface CellField extends Field {
+  /** What the server is asked for. */
+  needs: string[];
   /** Values of all cells; NaN outside the snow. `elevation` [m] is that of the middle of a column's cell. */
   values(cells: Cells, elevation: (column: number, y: number) => number): Float32Array;
 }
 
-const plain = (name: "density" | "temperature" | "hardness") => (cells: Cells) =>
+const plain = (name: "density" | "temperature" | "hardness" | "liquid_water") => (cells: Cells) =>
   Float32Array.from(cells.fields[name] ?? [], (value) => value ?? Number.NaN);
 
 const viridis = "440154 482878 3e4989 31688e 26828e 1f9e89 35b779 6ece58 b5de2b fde725";
@@ -26,9 +30,18 @@ const plasma = "0d0887 46039f 7201a8 9c179e bd3786 d8576b ed7953 fb9f3a fdca26 f
 // Without its darkest colours: the shape of what is nearly black can't be seen.
 const magma = "440f76 721f81 9e2f7f cd4071 f1605d fd9668 feca8d fcfdbf";
 const cividis = "00224e 123570 3b496c 575d6d 707173 8a8678 a59c74 c3b369 e1cc55 fee838";
+const blues = "eef4f9 d3e3f0 aacde3 79b3d6 4b96c7 2878b3 125a97 083d71 062650";
 const blueRed = "053061 2166ac 4393c3 92c5de d1e5f0 f7f7f7 fddbc7 f4a582 d6604d b2182b 67001f";
 
-/** Every field, by the name that the API knows it by. */
+/** A quantity of columns. */
+export interface ColumnField extends Field {
+  /** What the server is asked for. */
+  quantity: NonNullable<HeightsQuery["quantity"]>;
+  /** What cells show instead of what their column has. */
+  ofCells?: CellField;
+}
+
+/** Every quantity of cells, by the name that the API knows it by. */
 export const fields = {
   density: {
     name: "Density",
@@ -80,10 +93,53 @@ export const fields = {
         return what === "snow" ? elevation(column, origin.cell_y + (row % height)) : Number.NaN;
       }),
   },
-} satisfies Record<string, Field>;
+} satisfies Record<string, CellField>;
 
-/** Name of a field. */
-export type FieldName = keyof typeof fields;
+/** Every quantity of the columns of alpine snow. */
+export const columnFields = {
+  skin_temperature: {
+    name: "Skin temperature",
+    unit: "°C",
+    quantity: "skin_temperature",
+    colours: plasma.split(" "),
+    leastRange: 1,
+  },
+  snow_water_equivalent: {
+    name: "Snow water equivalent",
+    unit: "kg/m²",
+    quantity: "snow_water_equivalent",
+    colours: viridis.split(" "),
+    leastRange: 2,
+  },
+  liquid_water: {
+    name: "Liquid water",
+    unit: "kg/m²",
+    quantity: "liquid_water",
+    colours: blues.split(" "),
+    leastRange: 1,
+    ofCells: {
+      name: "Liquid water of each cell",
+      unit: "kg/m²",
+      needs: ["liquid_water"],
+      colours: blues.split(" "),
+      leastRange: 0.1,
+      values: plain("liquid_water"),
+    },
+  },
+} satisfies Record<string, ColumnField>;
+
+/** What the colours show; white where they show nothing. */
+export type Colour = keyof typeof fields | keyof typeof columnFields | "white";
+
+/** The quantity of cells of that name, if it is one. */
+export function cellField(colour: Colour): CellField | null {
+  return colour in fields ? fields[colour as keyof typeof fields] : null;
+}
+
+/** The quantity of columns of that name, if it is one. */
+export function columnField(colour: Colour): ColumnField | null {
+  return colour in columnFields ? columnFields[colour as keyof typeof columnFields] : null;
+}
 
 /** The ends of a colour scale. Values beyond them have the colour of the end. */
 export interface Range {

@@ -5,7 +5,7 @@ import { open, type Tab } from "./browser.ts";
 import { browser, firn, server } from "./stage.ts";
 
 type Page = Tab["page"];
-type Spec = NonNullable<Parameters<Firn["createSession"]>[0]>;
+export type Spec = NonNullable<Parameters<Firn["createSession"]>[0]>;
 
 /** Presses a button. */
 export const press = (page: Page, name: string) => page.getByRole("button", { name, exact: true }).click();

@@ -215,8 +215,8 @@ export class Session {
   }
 
   /** Snow depths [m]; of alpine snow also another `quantity` of the columns, in its unit. */
-  async heights(query: HeightsQuery = {}): Promise<Heights> {
-    return this.floats("/heights", query);
+  heights(query: HeightsQuery = {}, signal?: AbortSignal): Promise<Heights> {
+    return this.floats("/heights", query, signal);
   }
 
   /** Elevations of the ground [m]. */
@@ -240,9 +240,9 @@ export class Session {
     return this.call("/terrain", { method: "PUT", body, contentType, query });
   }
 
-  private async floats(below: string, query: HeightsQuery): Promise<Heights> {
+  private async floats(below: string, query: HeightsQuery, signal?: AbortSignal): Promise<Heights> {
     const accept = "application/octet-stream";
-    const response = await send(this.access, this.path(below), { query, accept });
+    const response = await send(this.access, this.path(below), { query, accept, signal });
     const view = new DataView(await response.arrayBuffer());
     const heights = Float32Array.from({ length: view.byteLength / 4 }, (_, i) => view.getFloat32(4 * i, true));
     const stamp = (name: string) => Number(response.headers.get(name));

@@ -3,6 +3,7 @@
 // The shapes are generated from the published contract; this gives them the names that the client uses.
 
 export type {
+  AlpineColumn,
   BatchOutcome,
   BatchReply,
   BatchResult,

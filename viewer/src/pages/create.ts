@@ -1,10 +1,15 @@
 // The dialog that creates a session.
 
-import type { CreatedSession, Preset, SessionSpec } from "firn-client";
+import type { CreatedSession, Physics, Preset, SessionSpec } from "firn-client";
 import { h, numberField } from "../dom.ts";
+import { physics } from "../physics.ts";
 import { describe, presets } from "../presets.ts";
 import { explain, server } from "../server.ts";
 import { terrainChoice } from "../terrain/choice.ts";
+import { beginning } from "../weather/beginning.ts";
+
+/** Snow that alpine sessions begin with at first [m], and that of others. */
+const SNOW: Record<Physics, number> = { thesis: 5.8, alpine: 1 };
 
 /** Opens it; a session that was created is shown at once. */
 export function createDialog(): void {
@@ -37,8 +42,9 @@ export function createDialog(): void {
     required: true,
   });
   const [cellField, cell] = numberField("Cell size", "m", { value: 0.2, min: 0.02, max: 2, required: true });
-  const [snowField, snow] = numberField("Snow", "m", { value: 5.8, min: 0, max: 1000, required: true });
+  const [snowField, snow] = numberField("Snow", "m", { value: SNOW.thesis, min: 0, max: 1000, required: true });
   const [airField, air] = numberField("Air", "°C", { value: -3, min: -40, max: 0, required: true });
+  const [densityField, density] = numberField("Density", "kg/m³", { value: 250, min: 10, max: 917, required: true });
   const kinds = Object.entries(presets).map(([value, { name }]) => h("option", { value }, name));
   const kind = h("select", { name: "preset", change: () => fill() }, ...kinds);
   const filled = h("p", { class: "hint" });
@@ -48,6 +54,24 @@ export function createDialog(): void {
     air.valueAsNumber = snow.air_temperature;
   };
   fill();
+  const kindPart = h(
+    "fieldset",
+    { class: "section" },
+    h("label", { class: "field wide" }, h("span", {}, "Kind of snow"), kind),
+    filled,
+  );
+  const alpine = beginning();
+  const laws = Object.entries(physics).map(([value, { name }]) => h("option", { value }, name));
+  const law = h("select", { name: "physics", change: () => follow() }, ...laws);
+  const chosen = () => law.value as Physics;
+  /** Asks for what snow of the chosen physics reads, and for nothing else. */
+  const follow = () => {
+    const isAlpine = chosen() === "alpine";
+    kindPart.hidden = airField.hidden = air.disabled = isAlpine;
+    alpine.element.hidden = alpine.element.disabled = densityField.hidden = density.disabled = !isAlpine;
+    if (snow.valueAsNumber === SNOW[isAlpine ? "thesis" : "alpine"]) snow.valueAsNumber = SNOW[chosen()];
+  };
+  follow();
   const sizes = [width, depth];
   const terrain = terrainChoice(
     () => ({ width: width.valueAsNumber, depth: depth.valueAsNumber }),
@@ -61,6 +85,16 @@ export function createDialog(): void {
   const paused = h("input", { type: "checkbox" });
   const problem = h("p", { class: "problem", role: "alert" });
 
+  /** What only one of the physics reads. */
+  const own = (): Partial<SessionSpec> => {
+    const depth = snow.valueAsNumber;
+    if (chosen() === "thesis") {
+      const initial_snow = depth > 0 ? [{ depth }] : [];
+      return { preset: kind.value as Preset, air_temperature: air.valueAsNumber, initial_snow };
+    }
+    const initial_snow = depth > 0 ? [{ depth, density: density.valueAsNumber }] : [];
+    return { physics: "alpine", ...alpine.read(), initial_snow };
+  };
   const spec = (): SessionSpec => ({
     ...(name.value ? { id: name.value } : {}),
     grid: {
@@ -69,10 +103,8 @@ export function createDialog(): void {
       height: height.valueAsNumber,
       cell_size: cell.valueAsNumber,
     },
-    preset: kind.value as Preset,
-    air_temperature: air.valueAsNumber,
     paused: paused.checked,
-    initial_snow: snow.valueAsNumber > 0 ? [{ depth: snow.valueAsNumber }] : [],
+    ...own(),
   });
   /** Creates the session on its ground, or none. */
   const create = async (): Promise<CreatedSession> => {
@@ -90,6 +122,7 @@ export function createDialog(): void {
   const submit = async (event: SubmitEvent) => {
     event.preventDefault();
     problem.textContent = "";
+    alpine.tell(null);
     button.disabled = true;
     try {
       const created = await create();
@@ -97,7 +130,7 @@ export function createDialog(): void {
       if (auth === "open") leave(created.id);
       else showTokens(created);
     } catch (error) {
-      problem.textContent = explain(error);
+      if (!alpine.tell(error)) problem.textContent = explain(error);
     } finally {
       button.disabled = false;
     }
@@ -127,10 +160,11 @@ export function createDialog(): void {
     { submit },
     h("h2", {}, "New session"),
     h("label", { class: "field wide" }, h("span", {}, "Name"), name),
-    h("label", { class: "field wide" }, h("span", {}, "Kind of snow"), kind),
-    filled,
-    h("div", { class: "pairs" }, widthField, depthField, heightField, cellField, snowField, airField),
+    h("label", { class: "field wide" }, h("span", {}, "Physics"), law),
+    kindPart,
+    h("div", { class: "pairs" }, widthField, depthField, heightField, cellField, snowField, airField, densityField),
     terrain.element,
+    alpine.element,
     h("label", { class: "check" }, paused, "Begin paused"),
     problem,
     h("div", { class: "buttons" }, h("button", { type: "button", click: () => dialog.close() }, "Cancel"), button),

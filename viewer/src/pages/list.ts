@@ -2,8 +2,9 @@
 
 import type { Readiness, SessionView } from "firn-client";
 import { h } from "../dom.ts";
-import { decimal, duration, mass } from "../format.ts";
+import { clock, decimal, mass } from "../format.ts";
 import type { Page } from "../main.ts";
+import { isAlpine } from "../physics.ts";
 import { askForToken, explain, server, wantsToken } from "../server.ts";
 import { createDialog } from "./create.ts";
 
@@ -117,9 +118,10 @@ function describe(row: HTMLElement, session: SessionView): void {
   const { grid, summary } = session;
   const size = `${decimal(grid.width * grid.cell_size, 1)} × ${decimal(grid.depth * grid.cell_size, 1)} m`;
   const part = (name: string) => row.querySelector(name) as HTMLElement;
-  part(".what").textContent = `${size}, ${decimal(summary.mean_height, 2)} m of snow, ${mass(summary.total_mass)}`;
+  const snow = isAlpine(session) ? "alpine snow" : "snow";
+  part(".what").textContent = `${size}, ${decimal(summary.mean_height, 2)} m of ${snow}, ${mass(summary.total_mass)}`;
   const state = session.state === "running" && session.settled ? "settled" : session.state;
-  part(".state").textContent = `${state} · ${duration(session.sim_time)}`;
+  part(".state").textContent = `${state} · ${clock(session)}`;
   part(".state").dataset["state"] = state;
   part(".depth i").style.height = `${Math.min(1, summary.mean_height / (grid.height * grid.cell_size)) * 100}%`;
 }

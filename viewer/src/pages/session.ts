@@ -2,6 +2,7 @@
 
 import "../style/session.css";
 import "../style/panel.css";
+import "../style/pit.css";
 import type { SessionView } from "firn-client";
 import { h } from "../dom.ts";
 import type { Page } from "../main.ts";

@@ -1,8 +1,9 @@
 // The drawer with the profile of the column that was chosen.
 
-import type { Column } from "firn-client";
+import type { AlpineColumn, Column } from "firn-client";
 import { h } from "../dom.ts";
 import { decimal, quantity } from "../format.ts";
+import { isAlpine } from "../physics.ts";
 import type { ColumnPlace, Look } from "../session/look.ts";
 import type { Model } from "../session/model.ts";
 import { pit } from "./pit.ts";
@@ -51,6 +52,12 @@ export function profileDrawer(model: Model, look: Look, report: (error: unknown)
     refresh();
   });
   model.overview.watch(() => refresh());
+  // The weather changes alpine snow also where its heights stay.
+  let tick = 0;
+  model.view.watch((view) => {
+    if (isAlpine(view) && view.tick !== tick) refresh();
+    tick = view.tick;
+  });
   return element;
 }
 
@@ -70,7 +77,23 @@ function show(body: HTMLElement, column: Column): void {
   const totals = `${decimal(column.height, 2)} m, ${quantity(column.mean_density, "kg/m³")} on average, ${column.layers.length} cells`;
   body.replaceChildren(
     h("p", { class: "hint" }, totals),
+    facts(column),
     column.layers.length > 0 ? pit(column) : h("p", {}, "No snow here."),
     ...(weak.length > 0 ? [h("h3", {}, "Weak layers"), h("ul", { class: "weak-layers" }, ...weak)] : []),
   );
+}
+
+/** What is told of a column of alpine snow; nothing is of others. */
+function facts(column: Partial<AlpineColumn>): HTMLElement {
+  const { snow_water_equivalent: water, skin_temperature: skin, albedo, runoff } = column;
+  const rows: [string, number | undefined, (value: number) => string][] = [
+    ["Snow water equivalent", water, (value) => quantity(value, "kg/m²")],
+    ["Skin temperature", skin, (value) => `${decimal(value, 1)} °C`],
+    ["Albedo", albedo, (value) => decimal(value, 2)],
+    ["Run off so far", runoff, (value) => quantity(value, "kg/m²")],
+  ];
+  const told = rows.flatMap(([label, value, text]) =>
+    typeof value === "number" ? [h("dt", {}, label), h("dd", {}, text(value))] : [],
+  );
+  return h("dl", { class: "answers" }, ...told);
 }

@@ -117,20 +117,3 @@ export function planeOf({ cells, ground }: Picture, { axis, at }: Cut, size: num
   const count = [width, height + (highest - lowest) / size, depth][number] as number;
   return { axis: number, place: first + Math.max(1, Math.round(at * count)) * size };
 }
-
-/** The topmost snow's value of each column. */
-export function topValues({ cells, values }: Picture): Float32Array {
-  const { width, height, depth, content } = cells;
-  const tops = new Float32Array(width * depth).fill(Number.NaN);
-  for (let z = 0; z < depth; z++) {
-    for (let x = 0; x < width; x++) {
-      for (let y = height - 1; y >= 0; y--) {
-        const i = x + width * (y + height * z);
-        if (content[i] !== "snow") continue;
-        tops[z * width + x] = values[i] as number;
-        break;
-      }
-    }
-  }
-  return tops;
-}

@@ -1,6 +1,6 @@
 // How the snow is looked at. Nothing here changes the snow.
 
-import type { FieldName } from "../fields.ts";
+import type { Colour } from "../fields.ts";
 import type { Point } from "../scene/motion.ts";
 import { Value } from "./value.ts";
 
@@ -24,8 +24,7 @@ export interface ColumnPlace {
 export class Look {
   /** The surface, or the cells of the fixed grid. */
   readonly shape = new Value<"surface" | "cells">("surface");
-  /** What the colours show; white where they show nothing. */
-  readonly colour = new Value<FieldName | "white">("white");
+  readonly colour = new Value<Colour>("white");
   readonly cut = new Value<Cut | null>(null);
   readonly colliders = new Value(true);
   readonly tool = new Value<Tool>("profile");

@@ -2,7 +2,7 @@
 
 import type { StreamState } from "firn-client";
 import { h } from "../dom.ts";
-import { decimal, duration, mass } from "../format.ts";
+import { clock, decimal, mass } from "../format.ts";
 import type { Model } from "./model.ts";
 import type { Viewport } from "./viewport.ts";
 
@@ -60,10 +60,11 @@ function words(state: StreamState): string {
 /** Clock and totals. */
 export function facts(model: Model): HTMLElement {
   const element = h("p", { class: "facts" });
-  model.view.watch(({ sim_time, settled, paused, progress, summary }) => {
+  model.view.watch((view) => {
+    const { settled, paused, progress, summary } = view;
     const state = progress ? "stepping" : paused ? "paused" : settled ? "settled" : "running";
     const depth = `${decimal(summary.mean_height, 2)} m`;
-    element.textContent = [duration(sim_time), state, depth, mass(summary.total_mass)].join(" · ");
+    element.textContent = [clock(view), state, depth, mass(summary.total_mass)].join(" · ");
     element.dataset["height"] = String(summary.mean_height);
   });
   return element;

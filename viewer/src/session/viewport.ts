@@ -3,7 +3,7 @@
 import type { HeightField } from "firn-client";
 import { BoxGeometry, Mesh, MeshBasicMaterial, Vector3 } from "three";
 import { Bodies } from "../scene/bodies.ts";
-import { Cubes, PLINTH, planeOf, topValues } from "../scene/cubes.ts";
+import { Cubes, PLINTH, planeOf } from "../scene/cubes.ts";
 import { destination } from "../scene/motion.ts";
 import { meetSurface, type Ray } from "../scene/ray.ts";
 import { Stage } from "../scene/scene.ts";
@@ -14,7 +14,7 @@ import { type Ground, isSame } from "./ground.ts";
 import { covers, elevationIn, highestOf, type Laid } from "./laid.ts";
 import type { Look } from "./look.ts";
 import type { Model } from "./model.ts";
-import type { Picture, Pictures } from "./picture.ts";
+import type { Pictures, Shade } from "./picture.ts";
 
 /** Width of the drawer with the profile, as in session.css [px]. */
 const PROFILE_WIDTH = 416;
@@ -144,10 +144,11 @@ export class Viewport {
       this.stage.keepLeftFree(column ? PROFILE_WIDTH : 0);
       this.mark("surface");
     });
-    pictures.picture.watch((picture) => {
-      this.recolour(picture);
-      this.mark("cubes");
+    pictures.shade.watch((shade) => {
+      this.recolour(shade);
+      this.stage.redraw();
     });
+    pictures.picture.watch(() => this.mark("cubes"));
   }
 
   private mark(part: keyof Viewport["stale"]): void {
@@ -232,15 +233,9 @@ export class Viewport {
     this.nearby.group.visible = !asCubes;
   }
 
-  private recolour(picture: Picture | null): void {
-    if (!picture?.field) {
-      this.tint.clear();
-      return;
-    }
-    const { origin, width, depth } = picture.cells;
-    const values = topValues(picture);
-    const { column_x, column_z } = origin;
-    this.tint.show({ column_x, column_z, width, depth, values }, picture.range, mapTexture(picture.field));
+  private recolour(shade: Shade | null): void {
+    if (shade) this.tint.show(shade.columns, shade.range, mapTexture(shade.field));
+    else this.tint.clear();
   }
 
   /** The overview leaves out what is shown column by column. */

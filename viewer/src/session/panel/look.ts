@@ -1,14 +1,13 @@
 // How the snow is shown.
 
 import { choice, h } from "../../dom.ts";
-import { type FieldName, fields } from "../../fields.ts";
+import { type Colour, columnFields, type Field, fields } from "../../fields.ts";
+import { isAlpine } from "../../physics.ts";
 import type { Cut } from "../look.ts";
 import { type Desk, section } from "./panel.ts";
 
-const colours = Object.entries(fields) as [FieldName, (typeof fields)[FieldName]][];
-
 /** The section. */
-export function lookSection({ look }: Desk): HTMLElement {
+export function lookSection({ look, model }: Desk): HTMLElement {
   const shape = choice(
     "Shape",
     [
@@ -20,9 +19,10 @@ export function lookSection({ look }: Desk): HTMLElement {
   );
   const colour = h(
     "select",
-    { name: "colour", change: () => look.colour.set(colour.value as FieldName | "white") },
+    { name: "colour", change: () => look.colour.set(colour.value as Colour) },
     h("option", { value: "white" }, "White"),
-    ...colours.map(([name, field]) => h("option", { value: name }, field.name)),
+    ...options(fields),
+    ...(isAlpine(model.view.get()) ? [h("optgroup", { label: "Of whole columns" }, ...options(columnFields))] : []),
   );
 
   const axis = h(
@@ -64,4 +64,8 @@ export function lookSection({ look }: Desk): HTMLElement {
     at,
     h("label", { class: "check" }, colliders, "Show objects"),
   );
+}
+
+function options(fields: Record<string, Field>): HTMLOptionElement[] {
+  return Object.entries(fields).map(([name, { name: text }]) => h("option", { value: name }, text));
 }

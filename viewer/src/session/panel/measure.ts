@@ -2,8 +2,21 @@
 
 import { send } from "firn-client";
 import { action, h, numberField } from "../../dom.ts";
+import { cellField } from "../../fields.ts";
 import { decimal, mass as massText } from "../../format.ts";
 import { type Desk, section } from "./panel.ts";
+
+/** What the ledger is told of; the later ones only alpine snow has. */
+const entries = [
+  ["present", "Present"],
+  ["fallen", "Fallen"],
+  ["refused", "Refused"],
+  ["cleared", "Cleared"],
+  ["rained", "Rained"],
+  ["deposited", "Hoar"],
+  ["sublimated", "Sublimated"],
+  ["runoff", "Run off"],
+] as const;
 
 /** The section. */
 export function measureSection({ model, look, viewport, report }: Desk): HTMLElement {
@@ -30,12 +43,13 @@ export function measureSection({ model, look, viewport, report }: Desk): HTMLEle
     look.column.set({ column_x, column_z: column(z.valueAsNumber, grid.depth) });
   };
   const mass = async () => {
-    const { present, fallen, refused, cleared, imbalance_quanta } = await session.mass();
+    const ledger = await session.mass();
+    const { imbalance_quanta } = ledger;
     tell([
-      ["Present", massText(present)],
-      ["Fallen", massText(fallen)],
-      ["Refused", massText(refused)],
-      ["Cleared", massText(cleared)],
+      ...entries.flatMap(([name, label]): [string, string][] => {
+        const kilograms = ledger[name];
+        return kilograms === undefined ? [] : [[label, massText(kilograms)]];
+      }),
       ["Imbalance", `${imbalance_quanta} quanta`],
     ]);
   };
@@ -43,7 +57,7 @@ export function measureSection({ model, look, viewport, report }: Desk): HTMLEle
     const colour = look.colour.get();
     const query = {
       view: look.shape.get() === "cells" ? "grid" : "surface",
-      field: colour === "white" ? undefined : colour,
+      field: cellField(colour) ? colour : undefined,
       width: 1600,
       height: 1200,
     };

@@ -1,6 +1,7 @@
 // The objects on the snow: put, choose, move, turn, hold up, remove; the paths that they follow, and prints.
 
 import { action, choice, h, numberField } from "../../dom.ts";
+import { isAlpine } from "../../physics.ts";
 import { freeName } from "../kinds.ts";
 import type { Tool } from "../look.ts";
 import { fitInto } from "../mover.ts";
@@ -80,5 +81,6 @@ function pressingFields(desk: Desk): HTMLElement {
     secondsField.hidden = creeps.checked;
     if (typeof pressing === "number") showSeconds(pressing);
   });
-  return h("div", {}, h("label", { class: "check" }, creeps, "Snow creeps under them"), secondsField);
+  const creeping = h("label", { class: "check", hidden: isAlpine(view.get()) }, creeps, "Snow creeps under them");
+  return h("div", {}, creeping, secondsField);
 }

@@ -1,6 +1,7 @@
 // The controls of a session, in sections.
 
 import { h } from "../../dom.ts";
+import { isAlpine } from "../../physics.ts";
 import type { Look } from "../look.ts";
 import type { Model } from "../model.ts";
 import type { Mover } from "../mover.ts";
@@ -13,6 +14,7 @@ import { objectsSection } from "./objects.ts";
 import { snowSection } from "./snow.ts";
 import { terrainSection } from "./terrain.ts";
 import { timeSection } from "./time.ts";
+import { weatherSection } from "./weather.ts";
 
 /** What every section works with. */
 export interface Desk {
@@ -32,6 +34,7 @@ export function panel(desk: Desk): { element: HTMLElement; tools: Tools } {
   const objects = objectsSection(desk);
   const sections = [
     timeSection(desk),
+    ...(isAlpine(desk.model.view.get()) ? [weatherSection(desk)] : []),
     snowSection(desk),
     terrainSection(desk),
     lookSection(desk),

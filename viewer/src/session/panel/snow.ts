@@ -1,7 +1,8 @@
-// The weather: snow and air.
+// Snow that is added, and that falls; the air above it.
 
 import { action, h, numberField } from "../../dom.ts";
 import { mass } from "../../format.ts";
+import { isAlpine } from "../../physics.ts";
 import { type Desk, section, setting } from "./panel.ts";
 
 /** The section. */
@@ -24,6 +25,9 @@ export function snowSection(desk: Desk): HTMLElement {
   model.view.watch((view) => {
     showAir(view.air_temperature);
     showRate(view.snowfall_rate);
+    // Alpine snow has both from its weather.
+    airField.hidden = isAlpine(view);
+    rateField.hidden = isAlpine(view) && view.snowfall_rate === 0;
   });
   const button = action("Add snow", { class: "primary" }, add, report);
   return section("Snow", depthField, h("div", { class: "buttons" }, button), airField, rateField);

@@ -1,12 +1,14 @@
 // The clock: start, pause, step, time scale, reset.
 
 import { action, h, numberField } from "../../dom.ts";
+import { physics, physicsOf } from "../../physics.ts";
 import { type Desk, section, setting } from "./panel.ts";
 
 /** The section. */
 export function timeSection(desk: Desk): HTMLElement {
   const { model, report, say } = desk;
   const { session } = model;
+  const { highestTimeScale } = physics[physicsOf(model.view.get())];
   const refresh = () => model.refresh();
 
   const set = (paused: boolean) => async () => {
@@ -28,7 +30,7 @@ export function timeSection(desk: Desk): HTMLElement {
   const underWay = h("div", { class: "buttons" }, bar, endButton);
   const resetButton = action("Reset", {}, () => session.reset().then(refresh), report);
 
-  const [scaleField, scale] = numberField("Time scale", "×", { min: 0, max: 1000 });
+  const [scaleField, scale] = numberField("Time scale", "×", { min: 0, max: highestTimeScale });
   const showScale = setting(scale, desk, (time_scale) => session.patch({ time_scale }));
 
   model.view.watch((view) => {
