@@ -157,7 +157,7 @@ fn every_command_of_a_client_is_read() {
     let weather = Weather { rainfall: Some(1.5), ..Weather::default() };
     let rows = vec![WeatherRow { at: 60.0, weather }];
     let (steady, series): (WeatherInput, WeatherInput) =
-        (weather.into(), WeatherSeries { series: rows, interpolate: true }.into());
+        (weather.into(), WeatherInput::Series(WeatherSeries { series: rows, interpolate: true }));
     let settings = SettingsPatch { paused: Some(true), ..SettingsPatch::default() };
     let patch = ColliderPatch {
         position: Some(Position { x: 3.0, z: 2.0 }),
