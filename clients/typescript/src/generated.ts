@@ -27,7 +27,7 @@ export interface components {
         };
         /** @description Another air temperature. */
         AirTemperature: {
-            /** @description Temperature [°C]. */
+            /** @description Temperature [°C], from −40 to 0; in alpine snow from −60 to 50. */
             celsius: number;
         };
         /** @description Another air temperature, as PUT …/air-temperature. */
@@ -35,7 +35,7 @@ export interface components {
             /** @constant */
             op: "air_temperature";
             id: components["schemas"]["Id"];
-            /** @description Temperature [°C]. */
+            /** @description Temperature [°C], from −40 to 0; in alpine snow from −60 to 50, and the weather becomes steady with it. */
             celsius: number;
         };
         /** @description Answer to an air temperature. */
@@ -47,6 +47,19 @@ export interface components {
         Alive: {
             /** @description Always `alive`. */
             status: string;
+        };
+        /** @description What a column of alpine snow has beside its layers; other snow has none of it. */
+        AlpineColumn: {
+            /** @description Mass of ice and water on a square metre [kg/m²]. */
+            snow_water_equivalent?: number;
+            /** @description Mass of liquid water on it [kg/m²]. */
+            liquid_water?: number;
+            /** @description Temperature of the surface of snow or ground [°C]. */
+            skin_temperature?: number;
+            /** @description Part of the short wave that is sent back, as it is seen. */
+            albedo?: number;
+            /** @description Water that has run off since the session began [kg/m²]. */
+            runoff?: number;
         };
         /**
          * @description Whether clients are asked for tokens.
@@ -123,6 +136,16 @@ export interface components {
             fields: {
                 [key: string]: (number | null)[];
             };
+        };
+        /** @description Weather that changes with simulated time. Before its first row and after its last these hold. */
+        ChangingWeather: {
+            /** @constant */
+            op: "weather";
+            id: components["schemas"]["Id"];
+            /** @description The rows, in ascending order of their times. */
+            series: components["schemas"]["WeatherRow"][];
+            /** @description Whether the weather changes evenly from row to row; else a row holds until the next. */
+            interpolate?: boolean;
         };
         /** @description The restore points of a session. */
         CheckpointList: {
@@ -337,7 +360,7 @@ export interface components {
             depth: number;
         };
         /** @description One column's material cells. */
-        ColumnView: components["schemas"]["Stamp"] & {
+        ColumnView: components["schemas"]["Stamp"] & components["schemas"]["AlpineColumn"] & {
             /** @description Snow depth [m]. */
             height: number;
             /** @description Mass [kg]. */
@@ -407,9 +430,9 @@ export interface components {
          * @description A kind of events that a subscription can choose.
          * @enum {unknown}
          */
-        EventKind: "snowfall" | "clearing" | "settings" | "terrain" | "settled" | "step_progress" | "reset";
+        EventKind: "snowfall" | "clearing" | "settings" | "weather" | "terrain" | "settled" | "step_progress" | "reset";
         /** @description Something happened in the session, or a watch tells how it stands. */
-        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["TerrainEvent"] | components["schemas"]["StepProgressEvent"] | components["schemas"]["PlainEvent"] | components["schemas"]["WatchEvent"];
+        EventMessage: components["schemas"]["SnowfallEvent"] | components["schemas"]["ClearingEvent"] | components["schemas"]["SettingsEvent"] | components["schemas"]["WeatherEvent"] | components["schemas"]["TerrainEvent"] | components["schemas"]["StepProgressEvent"] | components["schemas"]["PlainEvent"] | components["schemas"]["WatchEvent"];
         /**
          * @description Which events are wanted: all, none, or some kinds. Where it is not said: all under
          *     `firn.v1.json`, none under `firn.v1.bin`.
@@ -444,6 +467,14 @@ export interface components {
             /** @description Names of fields, separated by commas. */
             fields?: string;
         };
+        /** @description Read a column */
+        GetColumnQuery: {
+            /**
+             * @description As what it is told: JSON, or a snow profile after CAAML 6.0.3, which alpine snow only has.
+             * @enum {string}
+             */
+            format?: "json" | "caaml";
+        };
         /** @description Read the snow depth at a point */
         GetHeightQuery: {
             /** @description Along x [m], from 0 to the grid's edge. */
@@ -463,8 +494,13 @@ export interface components {
             depth?: number;
             /** @description Columns from one sample to the next: 1, 2, 4 or 8. */
             stride?: number;
-            /** @description Adds the elevation of the ground. */
+            /** @description Adds the elevation of the ground; of depths only. */
             surface?: boolean;
+            /**
+             * @description What of the columns is told; what is not a depth, of alpine snow only.
+             * @enum {string}
+             */
+            quantity?: "depth" | "snow_water_equivalent" | "liquid_water" | "skin_temperature";
         };
         /** @description Draw a column */
         GetProfileQuery: {
@@ -586,10 +622,15 @@ export interface components {
             heights: number[];
         };
         /**
+         * @description Hardness by hand, from the softest on: what can just be pushed into the snow.
+         * @enum {string}
+         */
+        HandHardness: "F" | "4F" | "1F" | "P" | "K" | "I";
+        /**
          * @description How hardness depends on density and temperature.
          * @enum {string}
          */
-        HardnessLaw: "calibrated" | "regression" | "gold";
+        HardnessLaw: "calibrated" | "regression" | "gold" | "alpine";
         /** @description The snow depth at a point. */
         HeightView: components["schemas"]["Stamp"] & {
             /** @description Snow depth [m]. */
@@ -630,6 +671,11 @@ export interface components {
              */
             more?: true;
         };
+        /**
+         * @description What the heights of the sensors are counted from.
+         * @enum {string}
+         */
+        HeightsAbove: "snow" | "ground";
         /** @description Heights of a region. */
         HeightsView: components["schemas"]["Stamp"] & {
             /** @description First column. */
@@ -642,7 +688,9 @@ export interface components {
             stride: number;
             /** @description Side of a column [m]. */
             cell_size: number;
-            /** @description Snow depths [m], or elevations where those are asked for, row by row: index = z · width + x. */
+            /** @description What is told, where it was asked for something else than depths and elevations. */
+            quantity?: components["schemas"]["Quantity"];
+            /** @description Snow depths [m], or elevations or the quantity where those are asked for, row by row: index = z · width + x. */
             heights: number[];
         };
         /** @description The client's own number, repeated in the answer. */
@@ -663,6 +711,10 @@ export interface components {
             stress: number;
             /** @description Mass [kg]. */
             mass: number;
+            /** @description Liquid water in it [kg/m²], where the snow is alpine. */
+            liquid_water?: number;
+            /** @description Hardness by hand, where the snow is alpine. */
+            hand_hardness?: components["schemas"]["HandHardness"];
         };
         /** @description List colliders */
         ListCollidersQuery: {
@@ -694,7 +746,7 @@ export interface components {
         LoadDistribution: "two_to_one" | "uniform" | "surface";
         /** @description The mass ledger of a session. */
         MassView: components["schemas"]["Stamp"] & {
-            /** @description Mass of the snow, summed over its cells [kg]. */
+            /** @description Mass of the snow, summed over its cells [kg]; in alpine snow with what has fallen and is too thin for a cell. */
             present: number;
             /** @description Mass that has fallen [kg], the refused part included. */
             fallen: number;
@@ -704,7 +756,18 @@ export interface components {
             cleared: number;
             /** @description Mass that lies on objects [kg]. */
             carried: number;
-            /** @description fallen − refused − cleared − present − carried, in quanta of 2⁻¹⁸ kg/m² in one column: always 0. */
+            /** @description Mass that rained [kg], where the snow is alpine. */
+            rained?: number;
+            /** @description Mass of vapour that settled on the snow [kg], where the snow is alpine. */
+            deposited?: number;
+            /** @description Mass that left as vapour [kg], where the snow is alpine. */
+            sublimated?: number;
+            /** @description Mass of water that ran off [kg], where the snow is alpine. */
+            runoff?: number;
+            /**
+             * @description fallen − refused − cleared − present − carried, in quanta of 2⁻¹⁸ kg/m² in one column: always 0. In alpine snow
+             *     what rained and was deposited is added, and what ran off and sublimated is taken off.
+             */
             imbalance_quanta: number;
         };
         /** @description Material constants of one snowpack. */
@@ -811,6 +874,11 @@ export interface components {
             /** @description How far it is turned against the object [°], clockwise from above. */
             heading?: number;
         };
+        /**
+         * @description Which physics a snowpack follows, for as long as it lives.
+         * @enum {string}
+         */
+        Physics: "thesis" | "alpine";
         /** @description Asks for a pong. */
         PingMessage: {
             /** @constant */
@@ -925,6 +993,11 @@ export interface components {
             /** @description Metres at grey 0 (an image only). */
             offset?: number;
         };
+        /**
+         * @description What is told of the columns.
+         * @enum {string}
+         */
+        Quantity: "depth" | "snow_water_equivalent" | "liquid_water" | "skin_temperature";
         /** @description Answer to `GET /readyz`. */
         Readiness: {
             /** @description Whether requests are served. */
@@ -1032,13 +1105,18 @@ export interface components {
             preset?: components["schemas"]["Preset"];
             /** @description Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none. */
             id?: string | null;
+            /** @description Which physics the snow follows, for as long as the session lives. */
+            physics?: components["schemas"]["Physics"];
             /** @description Size of the grid. */
             grid?: components["schemas"]["GridSpec"];
             /** @description Material constants. */
             material?: components["schemas"]["MaterialSpec"];
-            /** @description Temperature of the air [°C], and of fresh snow; the preset's where there is none. */
+            /**
+             * @description Temperature of the air [°C], and of fresh snow; the preset's where there is none. From −40 to 0; with the
+             *     physics `alpine` from −60 to 50, and where `weather` is given that of the weather.
+             */
             air_temperature?: number;
-            /** @description Simulated seconds per second. */
+            /** @description Simulated seconds per second: up to 1000, with the physics `alpine` up to 100 000. */
             time_scale?: number;
             /** @description Ticks per second [Hz]. */
             tick_rate?: number;
@@ -1055,6 +1133,15 @@ export interface components {
             /** @description Layers of snow to begin with, from the ground up. */
             initial_snow?: components["schemas"]["SnowLayer"][];
             terrain?: components["schemas"]["Terrain"] | null;
+            /** @description Length of a weather step [s]; with the physics `alpine` only. */
+            weather_step?: number;
+            /** @description Where and when the snowpack is, and how its weather is measured; with the physics `alpine` only. */
+            site?: components["schemas"]["SiteSpec"];
+            /**
+             * @description The weather; with the physics `alpine` only. Where there is none it is steady: the air's temperature, 80 % of
+             *     humidity, wind of 2 m/s, and no short wave where the site does not tell where the sun stands.
+             */
+            weather?: components["schemas"]["WeatherInputSpec"];
         };
         /** @description A session: its configuration, clock and summary. */
         SessionView: components["schemas"]["Settings"] & {
@@ -1062,6 +1149,12 @@ export interface components {
             id: string;
             /** @description The tenant it belongs to; `null` where that is the operator. */
             tenant: string | null;
+            /** @description Which physics the snow follows; that of the thesis where nothing is said. */
+            physics?: components["schemas"]["Physics"];
+            /** @description Length of a weather step [s], where the snow is alpine. */
+            weather_step?: number;
+            /** @description Where and when the snowpack is, where the snow is alpine. */
+            site?: components["schemas"]["Site"];
             /** @description Size of the grid. */
             grid: components["schemas"]["Grid"];
             /** @description Material constants. */
@@ -1101,6 +1194,7 @@ export interface components {
             op: "set";
             id: components["schemas"]["Id"];
             air_temperature?: number | null;
+            /** @description Up to 1000, in alpine snow up to 100 000. */
             time_scale?: number | null;
             paused?: boolean | null;
             tick_rate?: number | null;
@@ -1140,9 +1234,9 @@ export interface components {
         };
         /** @description Body of `PATCH /v1/sessions/{id}`: the settings that change; others stay. */
         SettingsPatch: {
-            /** @description Temperature of the air [°C]. */
+            /** @description Temperature of the air [°C], from −40 to 0; in alpine snow from −60 to 50, and the weather becomes steady with it. */
             air_temperature?: number | null;
-            /** @description Simulated seconds per second. */
+            /** @description Simulated seconds per second: up to 1000, in alpine snow up to 100 000. */
             time_scale?: number | null;
             /** @description Whether time stands still. */
             paused?: boolean | null;
@@ -1191,6 +1285,42 @@ export interface components {
             /** @enum {string} */
             type: "wheel";
         };
+        /** @description Where and when a snowpack is, and how its weather is measured. */
+        Site: {
+            /** @description Latitude [°], north positive. */
+            latitude?: number | null;
+            /** @description Longitude [°], east positive. */
+            longitude?: number | null;
+            start?: components["schemas"]["Start"] | null;
+            /** @description Air pressure [hPa] while the weather tells none. */
+            pressure?: number;
+            /** @description Height at which the air's temperature and humidity are measured [m]. */
+            temperature_height: number;
+            /** @description Height at which the wind is measured [m]. */
+            wind_height: number;
+            /** @description What those heights are counted from. */
+            heights_above: components["schemas"]["HeightsAbove"];
+            /** @description Temperatures of the soil at the beginning [°C], in layers of 0.1, 0.2, 0.4 and 0.8 m from the top. */
+            soil: number[];
+        };
+        /** @description Where and when a snowpack is, and how its weather is measured. */
+        SiteSpec: {
+            /** @description Latitude [°], north positive. */
+            latitude?: number | null;
+            /** @description Longitude [°], east positive. */
+            longitude?: number | null;
+            start?: components["schemas"]["Start"] | null;
+            /** @description Air pressure [hPa] while the weather tells none. */
+            pressure?: number;
+            /** @description Height at which the air's temperature and humidity are measured [m]. */
+            temperature_height?: number;
+            /** @description Height at which the wind is measured [m]. */
+            wind_height?: number;
+            /** @description What those heights are counted from. */
+            heights_above?: components["schemas"]["HeightsAbove"];
+            /** @description Temperatures of the soil at the beginning [°C], in layers of 0.1, 0.2, 0.4 and 0.8 m from the top. */
+            soil?: number[];
+        };
         /** @description One layer of the snow a session begins with. */
         SnowLayer: {
             /** @description Depth [m]. */
@@ -1204,9 +1334,12 @@ export interface components {
         Snowfall: {
             /** @description Depth [m], at least `cell_size`/256. */
             depth: number;
-            /** @description Density [kg/m³]; the material's `fresh_density` where there is none. */
+            /**
+             * @description Density [kg/m³]; the material's `fresh_density` where there is none, in alpine snow that of new snow in this
+             *     weather.
+             */
             density?: number | null;
-            /** @description Temperature [°C]; the air's where there is none. */
+            /** @description Temperature [°C], in alpine snow down to −60; the air's where there is none, 0 at most. */
             temperature?: number | null;
             region?: components["schemas"]["Region"] | null;
         };
@@ -1231,7 +1364,7 @@ export interface components {
             depth: number;
             /** @description Density [kg/m³]. */
             density?: number | null;
-            /** @description Temperature [°C]. */
+            /** @description Temperature [°C], in alpine snow down to −60. */
             temperature?: number | null;
             /** @description The whole grid where there is none. */
             region?: components["schemas"]["Region"] | null;
@@ -1288,11 +1421,43 @@ export interface components {
             /** @description The loads, in order. Together they may cover 4 194 304 columns. */
             stamps: components["schemas"]["StampSpec"][];
         };
+        /** @description A time as RFC 3339 writes it. */
+        Start: string;
         /**
          * @description What a session is doing.
          * @enum {string}
          */
         State: "running" | "paused" | "stepping" | "hibernating";
+        /** @description Weather that holds until it is replaced. */
+        SteadyWeather: {
+            /** @constant */
+            op: "weather";
+            id: components["schemas"]["Id"];
+            /** @description Temperature of the air [°C]. */
+            air_temperature: number;
+            /** @description Relative humidity over water [%]. */
+            relative_humidity: number;
+            /** @description Wind speed [m/s]. */
+            wind_speed: number;
+            /** @description Where the wind comes from [°]: 0 is north (+z), 90 is east (+x). */
+            wind_direction?: number | null;
+            /** @description Air pressure [hPa]; the site's where there is none. */
+            pressure?: number | null;
+            /** @description Snowfall, as water [mm/h]. */
+            snowfall?: number | null;
+            /** @description Rainfall [mm/h]. */
+            rainfall?: number | null;
+            /** @description Snow and rain together [mm/h], in place of the two: all snow up to 1.2 °C, else rain. */
+            precipitation?: number | null;
+            /** @description Short-wave radiation on a level surface [W/m²]; worked out where there is none. */
+            shortwave?: number | null;
+            /** @description Long-wave radiation from the sky [W/m²]; worked out where there is none. */
+            longwave?: number | null;
+            /** @description Part of the sky that clouds cover; where there is none, 1 while it snows or rains, else 0. */
+            cloud_cover?: number | null;
+            /** @description Where the sun stands; worked out from the site where there is none. */
+            sun?: components["schemas"]["SunPosition"] | null;
+        };
         /**
          * @description How far a long step has come: twice a second from half a second after it began, and once when it has
          *     ended.
@@ -1386,6 +1551,13 @@ export interface components {
             tiles: number;
             /** @description Objects on the snow. */
             colliders: number;
+        };
+        /** @description Where the sun stands in the sky. */
+        SunPosition: {
+            /** @description Its direction [°]: 0 is north (+z), 90 is east (+x). */
+            azimuth: number;
+            /** @description How high it stands above the horizon [°]; below 0 it is night. */
+            elevation: number;
         };
         /** @description Elevation of the ground under each column. */
         Terrain: {
@@ -1507,6 +1679,143 @@ export interface components {
             /** @description 1 − the smallest ratio of a cell's density to that of the cells around. */
             contrast: number;
         };
+        /**
+         * @description The weather at one time, as a client tells it.
+         *
+         *     Radiation that is left out is worked out: see [`shortwave`](fn@shortwave) and [`longwave`](fn@longwave).
+         */
+        Weather: {
+            /** @description Temperature of the air [°C]. */
+            air_temperature: number;
+            /** @description Relative humidity over water [%]. */
+            relative_humidity: number;
+            /** @description Wind speed [m/s]. */
+            wind_speed: number;
+            /** @description Where the wind comes from [°]: 0 is north (+z), 90 is east (+x). */
+            wind_direction?: number | null;
+            /** @description Air pressure [hPa]; the site's where there is none. */
+            pressure?: number | null;
+            /** @description Snowfall, as water [mm/h]; 0 where there is none. */
+            snowfall?: number | null;
+            /** @description Rainfall [mm/h]; 0 where there is none. */
+            rainfall?: number | null;
+            /** @description Snow and rain together [mm/h], in place of `snowfall` and `rainfall`: all snow up to 1.2 °C, else rain. */
+            precipitation?: number | null;
+            /** @description Short-wave radiation on a level surface [W/m²]; worked out from the sun and the clouds where there is none. */
+            shortwave?: number | null;
+            /**
+             * @description Long-wave radiation from the sky [W/m²]; worked out from temperature, humidity and clouds where there is
+             *     none.
+             */
+            longwave?: number | null;
+            /**
+             * @description Part of the sky that clouds cover, 0 to 1. Where there is none, the sky is overcast while snow or rain falls
+             *     and clear else.
+             */
+            cloud_cover?: number | null;
+            sun?: components["schemas"]["SunPosition"] | null;
+        };
+        /** @description The weather of alpine snow is another from now on. */
+        WeatherEvent: {
+            /** @constant */
+            op: "event";
+            /** @constant */
+            event: "weather";
+            tick: components["schemas"]["Tick"];
+            seq: components["schemas"]["Seq"];
+            now: components["schemas"]["WeatherNow"];
+        };
+        /** @description What a client tells of the weather: one that holds until it is replaced, or a series. */
+        WeatherInput: components["schemas"]["Weather"] | components["schemas"]["WeatherSeries"];
+        /** @description What a client tells of the weather: one that holds until it is replaced, or a series. */
+        WeatherInputSpec: components["schemas"]["Weather"] | components["schemas"]["WeatherSeriesSpec"];
+        /** @description Another weather for alpine snow, as PUT …/weather. */
+        WeatherMessage: components["schemas"]["SteadyWeather"] | components["schemas"]["ChangingWeather"];
+        /** @description The weather at one time, with nothing left out but the sun where nobody knows where it stands. */
+        WeatherNow: {
+            /** @description Temperature of the air [°C]. */
+            air_temperature: number;
+            /** @description Relative humidity over water [%]. */
+            relative_humidity: number;
+            /** @description Wind speed [m/s]. */
+            wind_speed: number;
+            /** @description Where the wind comes from [°]; `null` where nobody has told. */
+            wind_direction: number | null;
+            /** @description Air pressure [hPa]. */
+            pressure: number;
+            /** @description Snowfall, as water [mm/h]. */
+            snowfall: number;
+            /** @description Rainfall [mm/h]. */
+            rainfall: number;
+            /** @description Short-wave radiation on a level surface [W/m²]. */
+            shortwave: number;
+            /** @description Long-wave radiation from the sky [W/m²]. */
+            longwave: number;
+            /** @description Part of the sky that clouds cover, 0 to 1. */
+            cloud_cover: number;
+            sun: components["schemas"]["SunPosition"] | null;
+        };
+        /** @description The weather from a time on. */
+        WeatherRow: {
+            /** @description Temperature of the air [°C]. */
+            air_temperature: number;
+            /** @description Relative humidity over water [%]. */
+            relative_humidity: number;
+            /** @description Wind speed [m/s]. */
+            wind_speed: number;
+            /** @description Where the wind comes from [°]: 0 is north (+z), 90 is east (+x). */
+            wind_direction?: number | null;
+            /** @description Air pressure [hPa]; the site's where there is none. */
+            pressure?: number | null;
+            /** @description Snowfall, as water [mm/h]; 0 where there is none. */
+            snowfall?: number | null;
+            /** @description Rainfall [mm/h]; 0 where there is none. */
+            rainfall?: number | null;
+            /** @description Snow and rain together [mm/h], in place of `snowfall` and `rainfall`: all snow up to 1.2 °C, else rain. */
+            precipitation?: number | null;
+            /** @description Short-wave radiation on a level surface [W/m²]; worked out from the sun and the clouds where there is none. */
+            shortwave?: number | null;
+            /**
+             * @description Long-wave radiation from the sky [W/m²]; worked out from temperature, humidity and clouds where there is
+             *     none.
+             */
+            longwave?: number | null;
+            /**
+             * @description Part of the sky that clouds cover, 0 to 1. Where there is none, the sky is overcast while snow or rain falls
+             *     and clear else.
+             */
+            cloud_cover?: number | null;
+            sun?: components["schemas"]["SunPosition"] | null;
+            /** @description Simulated time [s]. */
+            at: number;
+        };
+        /** @description Weather over time. Before its first row and after its last these hold. */
+        WeatherSeries: {
+            /** @description The rows, in the order of their times. */
+            series: components["schemas"]["WeatherRow"][];
+            /** @description Whether the weather changes evenly from row to row; else a row holds until the next. */
+            interpolate: boolean;
+        };
+        /** @description Weather over time. Before its first row and after its last these hold. */
+        WeatherSeriesSpec: {
+            /** @description The rows, in the order of their times. */
+            series: components["schemas"]["WeatherRow"][];
+            /** @description Whether the weather changes evenly from row to row; else a row holds until the next. */
+            interpolate?: boolean;
+        };
+        /** @description The weather of alpine snow: what was told, and what holds now. */
+        WeatherView: components["schemas"]["Stamp"] & {
+            /** @description Simulated time [s]. */
+            sim_time: number;
+            /** @description Steps of weather that the snow has taken. */
+            steps: number;
+            /** @description What holds now. */
+            now: components["schemas"]["WeatherNow"];
+            /** @description What of that was not told but worked out: `shortwave`, `longwave`, `sun`, `pressure`, `cloud_cover`. */
+            derived: string[];
+            /** @description What was told. */
+            weather: components["schemas"]["WeatherInput"];
+        };
         /** @description The first message of every stream. */
         WelcomeMessage: {
             /** @constant */
@@ -1537,6 +1846,7 @@ export type AirTemperature = components['schemas']['AirTemperature'];
 export type AirTemperatureMessage = components['schemas']['AirTemperatureMessage'];
 export type AirTemperatureReply = components['schemas']['AirTemperatureReply'];
 export type Alive = components['schemas']['Alive'];
+export type AlpineColumn = components['schemas']['AlpineColumn'];
 export type Auth = components['schemas']['Auth'];
 export type BatchOutcome = components['schemas']['BatchOutcome'];
 export type BatchReply = components['schemas']['BatchReply'];
@@ -1545,6 +1855,7 @@ export type BatchResults = components['schemas']['BatchResults'];
 export type Body = components['schemas']['Body'];
 export type CellOrigin = components['schemas']['CellOrigin'];
 export type CellsView = components['schemas']['CellsView'];
+export type ChangingWeather = components['schemas']['ChangingWeather'];
 export type CheckpointList = components['schemas']['CheckpointList'];
 export type CheckpointView = components['schemas']['CheckpointView'];
 export type Clearing = components['schemas']['Clearing'];
@@ -1576,6 +1887,7 @@ export type EventMessage = components['schemas']['EventMessage'];
 export type EventsWanted = components['schemas']['EventsWanted'];
 export type FieldError = components['schemas']['FieldError'];
 export type GetCellsQuery = components['schemas']['GetCellsQuery'];
+export type GetColumnQuery = components['schemas']['GetColumnQuery'];
 export type GetHeightQuery = components['schemas']['GetHeightQuery'];
 export type GetHeightsQuery = components['schemas']['GetHeightsQuery'];
 export type GetProfileQuery = components['schemas']['GetProfileQuery'];
@@ -1584,9 +1896,11 @@ export type GetTerrainQuery = components['schemas']['GetTerrainQuery'];
 export type Grid = components['schemas']['Grid'];
 export type GridSpec = components['schemas']['GridSpec'];
 export type GroundTile = components['schemas']['GroundTile'];
+export type HandHardness = components['schemas']['HandHardness'];
 export type HardnessLaw = components['schemas']['HardnessLaw'];
 export type HeightView = components['schemas']['HeightView'];
 export type Heights = components['schemas']['Heights'];
+export type HeightsAbove = components['schemas']['HeightsAbove'];
 export type HeightsView = components['schemas']['HeightsView'];
 export type Id = components['schemas']['Id'];
 export type LayerView = components['schemas']['LayerView'];
@@ -1605,6 +1919,7 @@ export type Page_ColliderView = components['schemas']['Page_ColliderView'];
 export type Page_SessionView = components['schemas']['Page_SessionView'];
 export type Part = components['schemas']['Part'];
 export type PartSpec = components['schemas']['PartSpec'];
+export type Physics = components['schemas']['Physics'];
 export type PingMessage = components['schemas']['PingMessage'];
 export type PlainEvent = components['schemas']['PlainEvent'];
 export type PongMessage = components['schemas']['PongMessage'];
@@ -1620,6 +1935,7 @@ export type ProbesMessage = components['schemas']['ProbesMessage'];
 export type Problem = components['schemas']['Problem'];
 export type Progress = components['schemas']['Progress'];
 export type PutTerrainQuery = components['schemas']['PutTerrainQuery'];
+export type Quantity = components['schemas']['Quantity'];
 export type Readiness = components['schemas']['Readiness'];
 export type ReadyStatus = components['schemas']['ReadyStatus'];
 export type Region = components['schemas']['Region'];
@@ -1637,6 +1953,8 @@ export type Settings = components['schemas']['Settings'];
 export type SettingsEvent = components['schemas']['SettingsEvent'];
 export type SettingsPatch = components['schemas']['SettingsPatch'];
 export type Shape = components['schemas']['Shape'];
+export type Site = components['schemas']['Site'];
+export type SiteSpec = components['schemas']['SiteSpec'];
 export type SnowLayer = components['schemas']['SnowLayer'];
 export type Snowfall = components['schemas']['Snowfall'];
 export type SnowfallEvent = components['schemas']['SnowfallEvent'];
@@ -1647,13 +1965,16 @@ export type StampBatch = components['schemas']['StampBatch'];
 export type StampReply = components['schemas']['StampReply'];
 export type StampSpec = components['schemas']['StampSpec'];
 export type StampsMessage = components['schemas']['StampsMessage'];
+export type Start = components['schemas']['Start'];
 export type State = components['schemas']['State'];
+export type SteadyWeather = components['schemas']['SteadyWeather'];
 export type StepProgressEvent = components['schemas']['StepProgressEvent'];
 export type StepSpec = components['schemas']['StepSpec'];
 export type StoreStatus = components['schemas']['StoreStatus'];
 export type StreamQuery = components['schemas']['StreamQuery'];
 export type SubscribeMessage = components['schemas']['SubscribeMessage'];
 export type Summary = components['schemas']['Summary'];
+export type SunPosition = components['schemas']['SunPosition'];
 export type Terrain = components['schemas']['Terrain'];
 export type TerrainEvent = components['schemas']['TerrainEvent'];
 export type Tick = components['schemas']['Tick'];
@@ -1665,6 +1986,16 @@ export type UsageView = components['schemas']['UsageView'];
 export type VerifyReply = components['schemas']['VerifyReply'];
 export type WatchEvent = components['schemas']['WatchEvent'];
 export type WeakLayerView = components['schemas']['WeakLayerView'];
+export type Weather = components['schemas']['Weather'];
+export type WeatherEvent = components['schemas']['WeatherEvent'];
+export type WeatherInput = components['schemas']['WeatherInput'];
+export type WeatherInputSpec = components['schemas']['WeatherInputSpec'];
+export type WeatherMessage = components['schemas']['WeatherMessage'];
+export type WeatherNow = components['schemas']['WeatherNow'];
+export type WeatherRow = components['schemas']['WeatherRow'];
+export type WeatherSeries = components['schemas']['WeatherSeries'];
+export type WeatherSeriesSpec = components['schemas']['WeatherSeriesSpec'];
+export type WeatherView = components['schemas']['WeatherView'];
 export type WelcomeMessage = components['schemas']['WelcomeMessage'];
 export type $defs = Record<string, never>;
 export type operations = Record<string, never>;

@@ -46,6 +46,7 @@ export type {
   ProbeView as Probe,
   Probe as ProbeSpec,
   Problem,
+  Quantity,
   Readiness,
   Region,
   SampleBatch,

@@ -27,7 +27,7 @@ class AirTemperature(TypedDict):
     """Another air temperature."""
 
     celsius: float
-    """Temperature [°C]."""
+    """Temperature [°C], from −40 to 0; in alpine snow from −60 to 50."""
 
 
 class AirTemperatureMessage(TypedDict):
@@ -36,7 +36,7 @@ class AirTemperatureMessage(TypedDict):
     op: Literal["air_temperature"]
     id: Id
     celsius: float
-    """Temperature [°C]."""
+    """Temperature [°C], from −40 to 0; in alpine snow from −60 to 50, and the weather becomes steady with it."""
 
 
 class Alive(TypedDict):
@@ -44,6 +44,25 @@ class Alive(TypedDict):
 
     status: str
     """Always `alive`."""
+
+
+class AlpineColumn(TypedDict):
+    """What a column of alpine snow has beside its layers; other snow has none of it."""
+
+    snow_water_equivalent: NotRequired[float]
+    """Mass of ice and water on a square metre [kg/m²]."""
+
+    liquid_water: NotRequired[float]
+    """Mass of liquid water on it [kg/m²]."""
+
+    skin_temperature: NotRequired[float]
+    """Temperature of the surface of snow or ground [°C]."""
+
+    albedo: NotRequired[float]
+    """Part of the short wave that is sent back, as it is seen."""
+
+    runoff: NotRequired[float]
+    """Water that has run off since the session began [kg/m²]."""
 
 
 Auth: TypeAlias = Literal["open", "required"]
@@ -86,6 +105,18 @@ class CellOrigin(TypedDict):
 
     cell_y: int
     """Along y, from what `reference` says up."""
+
+
+class ChangingWeather(TypedDict):
+    """Weather that changes with simulated time. Before its first row and after its last these hold."""
+
+    op: Literal["weather"]
+    id: Id
+    series: list[WeatherRow]
+    """The rows, in ascending order of their times."""
+
+    interpolate: NotRequired[bool]
+    """Whether the weather changes evenly from row to row; else a row holds until the next."""
 
 
 class CheckpointList(TypedDict):
@@ -375,7 +406,7 @@ class ErrorMessage(TypedDict):
     problem: Problem
 
 
-EventKind: TypeAlias = Literal["snowfall", "clearing", "settings", "terrain", "settled", "step_progress", "reset"]
+EventKind: TypeAlias = Literal["snowfall", "clearing", "settings", "weather", "terrain", "settled", "step_progress", "reset"]
 
 
 EventsWanted: TypeAlias = bool | list[EventKind]
@@ -423,6 +454,13 @@ class GetCellsQuery(TypedDict):
     """Names of fields, separated by commas."""
 
 
+class GetColumnQuery(TypedDict):
+    """Read a column"""
+
+    format: NotRequired[Literal["json", "caaml"]]
+    """As what it is told: JSON, or a snow profile after CAAML 6.0.3, which alpine snow only has."""
+
+
 class GetHeightQuery(TypedDict):
     """Read the snow depth at a point"""
 
@@ -452,7 +490,10 @@ class GetHeightsQuery(TypedDict):
     """Columns from one sample to the next: 1, 2, 4 or 8."""
 
     surface: NotRequired[bool]
-    """Adds the elevation of the ground."""
+    """Adds the elevation of the ground; of depths only."""
+
+    quantity: NotRequired[Literal["depth", "snow_water_equivalent", "liquid_water", "skin_temperature"]]
+    """What of the columns is told; what is not a depth, of alpine snow only."""
 
 
 class GetProfileQuery(TypedDict):
@@ -605,7 +646,10 @@ class GroundTile(TypedDict):
     """Elevations [m], of the same columns as the heights of a tile of snow."""
 
 
-HardnessLaw: TypeAlias = Literal["calibrated", "regression", "gold"]
+HandHardness: TypeAlias = Literal["F", "4F", "1F", "P", "K", "I"]
+
+
+HardnessLaw: TypeAlias = Literal["calibrated", "regression", "gold", "alpine"]
 
 
 class Heights(TypedDict):
@@ -643,6 +687,9 @@ class Heights(TypedDict):
     """Further parts of this message follow."""
 
 
+HeightsAbove: TypeAlias = Literal["snow", "ground"]
+
+
 Id: TypeAlias = int
 
 
@@ -669,6 +716,12 @@ class LayerView(TypedDict):
 
     mass: float
     """Mass [kg]."""
+
+    liquid_water: NotRequired[float]
+    """Liquid water in it [kg/m²], where the snow is alpine."""
+
+    hand_hardness: NotRequired[HandHardness]
+    """Hardness by hand, where the snow is alpine."""
 
 
 class ListCollidersQuery(TypedDict):
@@ -909,6 +962,9 @@ class PartSpec(TypedDict):
 PathItem: TypeAlias = list[float]
 
 
+Physics: TypeAlias = Literal["thesis", "alpine"]
+
+
 class PingMessage(TypedDict):
     """Asks for a pong."""
 
@@ -1052,6 +1108,9 @@ class PutTerrainQuery(TypedDict):
 
     offset: NotRequired[float]
     """Metres at grey 0 (an image only)."""
+
+
+Quantity: TypeAlias = Literal["depth", "snow_water_equivalent", "liquid_water", "skin_temperature"]
 
 
 class Readiness(TypedDict):
@@ -1198,6 +1257,9 @@ class SessionSpec(TypedDict):
     id: NotRequired[str | None]
     """Name of the session, `[A-Za-z0-9_-]{1,64}`; the server makes a ULID where there is none."""
 
+    physics: NotRequired[Physics]
+    """Which physics the snow follows, for as long as the session lives."""
+
     grid: NotRequired[GridSpec]
     """Size of the grid."""
 
@@ -1205,10 +1267,13 @@ class SessionSpec(TypedDict):
     """Material constants."""
 
     air_temperature: NotRequired[float]
-    """Temperature of the air [°C], and of fresh snow; the preset's where there is none."""
+    """
+    Temperature of the air [°C], and of fresh snow; the preset's where there is none. From −40 to 0; with the
+    physics `alpine` from −60 to 50, and where `weather` is given that of the weather.
+    """
 
     time_scale: NotRequired[float]
-    """Simulated seconds per second."""
+    """Simulated seconds per second: up to 1000, with the physics `alpine` up to 100 000."""
 
     tick_rate: NotRequired[float]
     """Ticks per second [Hz]."""
@@ -1232,6 +1297,17 @@ class SessionSpec(TypedDict):
     """Layers of snow to begin with, from the ground up."""
 
     terrain: NotRequired[Terrain | None]
+    weather_step: NotRequired[float]
+    """Length of a weather step [s]; with the physics `alpine` only."""
+
+    site: NotRequired[SiteSpec]
+    """Where and when the snowpack is, and how its weather is measured; with the physics `alpine` only."""
+
+    weather: NotRequired[WeatherInputSpec]
+    """
+    The weather; with the physics `alpine` only. Where there is none it is steady: the air's temperature, 80 % of
+    humidity, wind of 2 m/s, and no short wave where the site does not tell where the sun stands.
+    """
 
 
 class SetMessage(TypedDict):
@@ -1241,6 +1317,8 @@ class SetMessage(TypedDict):
     id: Id
     air_temperature: NotRequired[float | None]
     time_scale: NotRequired[float | None]
+    """Up to 1000, in alpine snow up to 100 000."""
+
     paused: NotRequired[bool | None]
     tick_rate: NotRequired[float | None]
     snowfall_rate: NotRequired[float | None]
@@ -1286,6 +1364,15 @@ class SessionView(Settings):
 
     tenant: str | None
     """The tenant it belongs to; `null` where that is the operator."""
+
+    physics: NotRequired[Physics]
+    """Which physics the snow follows; that of the thesis where nothing is said."""
+
+    weather_step: NotRequired[float]
+    """Length of a weather step [s], where the snow is alpine."""
+
+    site: NotRequired[Site]
+    """Where and when the snowpack is, where the snow is alpine."""
 
     grid: Grid
     """Size of the grid."""
@@ -1356,10 +1443,10 @@ class SettingsPatch(TypedDict):
     """Body of `PATCH /v1/sessions/{id}`: the settings that change; others stay."""
 
     air_temperature: NotRequired[float | None]
-    """Temperature of the air [°C]."""
+    """Temperature of the air [°C], from −40 to 0; in alpine snow from −60 to 50, and the weather becomes steady with it."""
 
     time_scale: NotRequired[float | None]
-    """Simulated seconds per second."""
+    """Simulated seconds per second: up to 1000, in alpine snow up to 100 000."""
 
     paused: NotRequired[bool | None]
     """Whether time stands still."""
@@ -1441,6 +1528,58 @@ class ShapeWheel(TypedDict):
 Shape: TypeAlias = ShapeBox | ShapeDisk | ShapeCapsule | ShapePolygon | ShapeWheel
 
 
+class Site(TypedDict):
+    """Where and when a snowpack is, and how its weather is measured."""
+
+    latitude: NotRequired[float | None]
+    """Latitude [°], north positive."""
+
+    longitude: NotRequired[float | None]
+    """Longitude [°], east positive."""
+
+    start: NotRequired[Start | None]
+    pressure: NotRequired[float]
+    """Air pressure [hPa] while the weather tells none."""
+
+    temperature_height: float
+    """Height at which the air's temperature and humidity are measured [m]."""
+
+    wind_height: float
+    """Height at which the wind is measured [m]."""
+
+    heights_above: HeightsAbove
+    """What those heights are counted from."""
+
+    soil: list[float]
+    """Temperatures of the soil at the beginning [°C], in layers of 0.1, 0.2, 0.4 and 0.8 m from the top."""
+
+
+class SiteSpec(TypedDict):
+    """Where and when a snowpack is, and how its weather is measured."""
+
+    latitude: NotRequired[float | None]
+    """Latitude [°], north positive."""
+
+    longitude: NotRequired[float | None]
+    """Longitude [°], east positive."""
+
+    start: NotRequired[Start | None]
+    pressure: NotRequired[float]
+    """Air pressure [hPa] while the weather tells none."""
+
+    temperature_height: NotRequired[float]
+    """Height at which the air's temperature and humidity are measured [m]."""
+
+    wind_height: NotRequired[float]
+    """Height at which the wind is measured [m]."""
+
+    heights_above: NotRequired[HeightsAbove]
+    """What those heights are counted from."""
+
+    soil: NotRequired[list[float]]
+    """Temperatures of the soil at the beginning [°C], in layers of 0.1, 0.2, 0.4 and 0.8 m from the top."""
+
+
 class SnowLayer(TypedDict):
     """One layer of the snow a session begins with."""
 
@@ -1461,10 +1600,13 @@ class Snowfall(TypedDict):
     """Depth [m], at least `cell_size`/256."""
 
     density: NotRequired[float | None]
-    """Density [kg/m³]; the material's `fresh_density` where there is none."""
+    """
+    Density [kg/m³]; the material's `fresh_density` where there is none, in alpine snow that of new snow in this
+    weather.
+    """
 
     temperature: NotRequired[float | None]
-    """Temperature [°C]; the air's where there is none."""
+    """Temperature [°C], in alpine snow down to −60; the air's where there is none, 0 at most."""
 
     region: NotRequired[Region | None]
 
@@ -1493,7 +1635,7 @@ class SnowfallMessage(TypedDict):
     """Density [kg/m³]."""
 
     temperature: NotRequired[float | None]
-    """Temperature [°C]."""
+    """Temperature [°C], in alpine snow down to −60."""
 
     region: NotRequired[Region | None]
     """The whole grid where there is none."""
@@ -1559,7 +1701,7 @@ class ColliderReply(Stamp, ColliderView):
     """Answer to a collider that was put or patched."""
 
 
-class ColumnView(Stamp):
+class ColumnView(Stamp, AlpineColumn):
     """One column's material cells."""
 
     height: float
@@ -1610,15 +1752,18 @@ class HeightsView(Stamp):
     cell_size: float
     """Side of a column [m]."""
 
+    quantity: NotRequired[Quantity]
+    """What is told, where it was asked for something else than depths and elevations."""
+
     heights: list[float]
-    """Snow depths [m], or elevations where those are asked for, row by row: index = z · width + x."""
+    """Snow depths [m], or elevations or the quantity where those are asked for, row by row: index = z · width + x."""
 
 
 class MassView(Stamp):
     """The mass ledger of a session."""
 
     present: float
-    """Mass of the snow, summed over its cells [kg]."""
+    """Mass of the snow, summed over its cells [kg]; in alpine snow with what has fallen and is too thin for a cell."""
 
     fallen: float
     """Mass that has fallen [kg], the refused part included."""
@@ -1632,8 +1777,23 @@ class MassView(Stamp):
     carried: float
     """Mass that lies on objects [kg]."""
 
+    rained: NotRequired[float]
+    """Mass that rained [kg], where the snow is alpine."""
+
+    deposited: NotRequired[float]
+    """Mass of vapour that settled on the snow [kg], where the snow is alpine."""
+
+    sublimated: NotRequired[float]
+    """Mass that left as vapour [kg], where the snow is alpine."""
+
+    runoff: NotRequired[float]
+    """Mass of water that ran off [kg], where the snow is alpine."""
+
     imbalance_quanta: int
-    """fallen − refused − cleared − present − carried, in quanta of 2⁻¹⁸ kg/m² in one column: always 0."""
+    """
+    fallen − refused − cleared − present − carried, in quanta of 2⁻¹⁸ kg/m² in one column: always 0. In alpine snow
+    what rained and was deposited is added, and what ran off and sublimated is taken off.
+    """
 
 
 class ProbeReply(Stamp):
@@ -1709,7 +1869,52 @@ class StampsMessage(TypedDict):
     """The loads, in order. Together they may cover 4 194 304 columns."""
 
 
+Start: TypeAlias = str
+
+
 State: TypeAlias = Literal["running", "paused", "stepping", "hibernating"]
+
+
+class SteadyWeather(TypedDict):
+    """Weather that holds until it is replaced."""
+
+    op: Literal["weather"]
+    id: Id
+    air_temperature: float
+    """Temperature of the air [°C]."""
+
+    relative_humidity: float
+    """Relative humidity over water [%]."""
+
+    wind_speed: float
+    """Wind speed [m/s]."""
+
+    wind_direction: NotRequired[float | None]
+    """Where the wind comes from [°]: 0 is north (+z), 90 is east (+x)."""
+
+    pressure: NotRequired[float | None]
+    """Air pressure [hPa]; the site's where there is none."""
+
+    snowfall: NotRequired[float | None]
+    """Snowfall, as water [mm/h]."""
+
+    rainfall: NotRequired[float | None]
+    """Rainfall [mm/h]."""
+
+    precipitation: NotRequired[float | None]
+    """Snow and rain together [mm/h], in place of the two: all snow up to 1.2 °C, else rain."""
+
+    shortwave: NotRequired[float | None]
+    """Short-wave radiation on a level surface [W/m²]; worked out where there is none."""
+
+    longwave: NotRequired[float | None]
+    """Long-wave radiation from the sky [W/m²]; worked out where there is none."""
+
+    cloud_cover: NotRequired[float | None]
+    """Part of the sky that clouds cover; where there is none, 1 while it snows or rains, else 0."""
+
+    sun: NotRequired[SunPosition | None]
+    """Where the sun stands; worked out from the site where there is none."""
 
 
 class StepProgressEvent(TypedDict):
@@ -1821,6 +2026,16 @@ class Summary(TypedDict):
 
     colliders: int
     """Objects on the snow."""
+
+
+class SunPosition(TypedDict):
+    """Where the sun stands in the sky."""
+
+    azimuth: float
+    """Its direction [°]: 0 is north (+z), 90 is east (+x)."""
+
+    elevation: float
+    """How high it stands above the horizon [°]; below 0 it is night."""
 
 
 class Terrain(TypedDict):
@@ -1957,9 +2172,6 @@ class WatchEvent(TypedDict):
     """Mean depth of the snow in the region [m]."""
 
 
-EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | TerrainEvent | StepProgressEvent | PlainEvent | WatchEvent
-
-
 class WeakLayerView(TypedDict):
     """
     A maximal run of cells with a density of at most 0.8 of the least dense of the densest cell
@@ -1980,6 +2192,199 @@ class WeakLayerView(TypedDict):
 
     contrast: float
     """1 − the smallest ratio of a cell's density to that of the cells around."""
+
+
+class Weather(TypedDict):
+    """
+    The weather at one time, as a client tells it.
+
+    Radiation that is left out is worked out: see [`shortwave`](fn@shortwave) and [`longwave`](fn@longwave).
+    """
+
+    air_temperature: float
+    """Temperature of the air [°C]."""
+
+    relative_humidity: float
+    """Relative humidity over water [%]."""
+
+    wind_speed: float
+    """Wind speed [m/s]."""
+
+    wind_direction: NotRequired[float | None]
+    """Where the wind comes from [°]: 0 is north (+z), 90 is east (+x)."""
+
+    pressure: NotRequired[float | None]
+    """Air pressure [hPa]; the site's where there is none."""
+
+    snowfall: NotRequired[float | None]
+    """Snowfall, as water [mm/h]; 0 where there is none."""
+
+    rainfall: NotRequired[float | None]
+    """Rainfall [mm/h]; 0 where there is none."""
+
+    precipitation: NotRequired[float | None]
+    """Snow and rain together [mm/h], in place of `snowfall` and `rainfall`: all snow up to 1.2 °C, else rain."""
+
+    shortwave: NotRequired[float | None]
+    """Short-wave radiation on a level surface [W/m²]; worked out from the sun and the clouds where there is none."""
+
+    longwave: NotRequired[float | None]
+    """
+    Long-wave radiation from the sky [W/m²]; worked out from temperature, humidity and clouds where there is
+    none.
+    """
+
+    cloud_cover: NotRequired[float | None]
+    """
+    Part of the sky that clouds cover, 0 to 1. Where there is none, the sky is overcast while snow or rain falls
+    and clear else.
+    """
+
+    sun: NotRequired[SunPosition | None]
+
+
+class WeatherEvent(TypedDict):
+    """The weather of alpine snow is another from now on."""
+
+    op: Literal["event"]
+    event: Literal["weather"]
+    tick: Tick
+    seq: Seq
+    now: WeatherNow
+
+
+EventMessage: TypeAlias = SnowfallEvent | ClearingEvent | SettingsEvent | WeatherEvent | TerrainEvent | StepProgressEvent | PlainEvent | WatchEvent
+
+
+WeatherMessage: TypeAlias = SteadyWeather | ChangingWeather
+
+
+class WeatherNow(TypedDict):
+    """The weather at one time, with nothing left out but the sun where nobody knows where it stands."""
+
+    air_temperature: float
+    """Temperature of the air [°C]."""
+
+    relative_humidity: float
+    """Relative humidity over water [%]."""
+
+    wind_speed: float
+    """Wind speed [m/s]."""
+
+    wind_direction: float | None
+    """Where the wind comes from [°]; `null` where nobody has told."""
+
+    pressure: float
+    """Air pressure [hPa]."""
+
+    snowfall: float
+    """Snowfall, as water [mm/h]."""
+
+    rainfall: float
+    """Rainfall [mm/h]."""
+
+    shortwave: float
+    """Short-wave radiation on a level surface [W/m²]."""
+
+    longwave: float
+    """Long-wave radiation from the sky [W/m²]."""
+
+    cloud_cover: float
+    """Part of the sky that clouds cover, 0 to 1."""
+
+    sun: SunPosition | None
+
+
+class WeatherRow(TypedDict):
+    """The weather from a time on."""
+
+    air_temperature: float
+    """Temperature of the air [°C]."""
+
+    relative_humidity: float
+    """Relative humidity over water [%]."""
+
+    wind_speed: float
+    """Wind speed [m/s]."""
+
+    wind_direction: NotRequired[float | None]
+    """Where the wind comes from [°]: 0 is north (+z), 90 is east (+x)."""
+
+    pressure: NotRequired[float | None]
+    """Air pressure [hPa]; the site's where there is none."""
+
+    snowfall: NotRequired[float | None]
+    """Snowfall, as water [mm/h]; 0 where there is none."""
+
+    rainfall: NotRequired[float | None]
+    """Rainfall [mm/h]; 0 where there is none."""
+
+    precipitation: NotRequired[float | None]
+    """Snow and rain together [mm/h], in place of `snowfall` and `rainfall`: all snow up to 1.2 °C, else rain."""
+
+    shortwave: NotRequired[float | None]
+    """Short-wave radiation on a level surface [W/m²]; worked out from the sun and the clouds where there is none."""
+
+    longwave: NotRequired[float | None]
+    """
+    Long-wave radiation from the sky [W/m²]; worked out from temperature, humidity and clouds where there is
+    none.
+    """
+
+    cloud_cover: NotRequired[float | None]
+    """
+    Part of the sky that clouds cover, 0 to 1. Where there is none, the sky is overcast while snow or rain falls
+    and clear else.
+    """
+
+    sun: NotRequired[SunPosition | None]
+    at: float
+    """Simulated time [s]."""
+
+
+class WeatherSeries(TypedDict):
+    """Weather over time. Before its first row and after its last these hold."""
+
+    series: list[WeatherRow]
+    """The rows, in the order of their times."""
+
+    interpolate: bool
+    """Whether the weather changes evenly from row to row; else a row holds until the next."""
+
+
+WeatherInput: TypeAlias = Weather | WeatherSeries
+
+
+class WeatherSeriesSpec(TypedDict):
+    """Weather over time. Before its first row and after its last these hold."""
+
+    series: list[WeatherRow]
+    """The rows, in the order of their times."""
+
+    interpolate: NotRequired[bool]
+    """Whether the weather changes evenly from row to row; else a row holds until the next."""
+
+
+WeatherInputSpec: TypeAlias = Weather | WeatherSeriesSpec
+
+
+class WeatherView(Stamp):
+    """The weather of alpine snow: what was told, and what holds now."""
+
+    sim_time: float
+    """Simulated time [s]."""
+
+    steps: int
+    """Steps of weather that the snow has taken."""
+
+    now: WeatherNow
+    """What holds now."""
+
+    derived: list[str]
+    """What of that was not told but worked out: `shortwave`, `longwave`, `sun`, `pressure`, `cloud_cover`."""
+
+    weather: WeatherInput
+    """What was told."""
 
 
 class WelcomeMessage(TypedDict):
