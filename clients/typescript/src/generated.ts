@@ -48,18 +48,18 @@ export interface components {
             /** @description Always `alive`. */
             status: string;
         };
-        /** @description What a column of alpine snow has beside its layers. */
+        /** @description What a column of alpine snow has beside its layers; other snow has none of it. */
         AlpineColumn: {
             /** @description Mass of ice and water on a square metre [kg/m²]. */
-            snow_water_equivalent: number;
+            snow_water_equivalent?: number;
             /** @description Mass of liquid water on it [kg/m²]. */
-            liquid_water: number;
+            liquid_water?: number;
             /** @description Temperature of the surface of snow or ground [°C]. */
-            skin_temperature: number;
+            skin_temperature?: number;
             /** @description Part of the short wave that is sent back, as it is seen. */
-            albedo: number;
+            albedo?: number;
             /** @description Water that has run off since the session began [kg/m²]. */
-            runoff: number;
+            runoff?: number;
         };
         /**
          * @description Whether clients are asked for tokens.
@@ -360,7 +360,7 @@ export interface components {
             depth: number;
         };
         /** @description One column's material cells. */
-        ColumnView: components["schemas"]["Stamp"] & (components["schemas"]["AlpineColumn"] | null) & {
+        ColumnView: components["schemas"]["Stamp"] & components["schemas"]["AlpineColumn"] & {
             /** @description Snow depth [m]. */
             height: number;
             /** @description Mass [kg]. */
@@ -466,6 +466,14 @@ export interface components {
             height?: number;
             /** @description Names of fields, separated by commas. */
             fields?: string;
+        };
+        /** @description Read a column */
+        GetColumnQuery: {
+            /**
+             * @description As what it is told: JSON, or a snow profile after CAAML 6.0.3, which alpine snow only has.
+             * @enum {string}
+             */
+            format?: "json" | "caaml";
         };
         /** @description Read the snow depth at a point */
         GetHeightQuery: {
@@ -680,7 +688,9 @@ export interface components {
             stride: number;
             /** @description Side of a column [m]. */
             cell_size: number;
-            /** @description Snow depths [m], or elevations where those are asked for, row by row: index = z · width + x. */
+            /** @description What is told, where it was asked for something else than depths and elevations. */
+            quantity?: components["schemas"]["Quantity"];
+            /** @description Snow depths [m], or elevations or the quantity where those are asked for, row by row: index = z · width + x. */
             heights: number[];
         };
         /** @description The client's own number, repeated in the answer. */
@@ -983,6 +993,11 @@ export interface components {
             /** @description Metres at grey 0 (an image only). */
             offset?: number;
         };
+        /**
+         * @description What is told of the columns.
+         * @enum {string}
+         */
+        Quantity: "depth" | "snow_water_equivalent" | "liquid_water" | "skin_temperature";
         /** @description Answer to `GET /readyz`. */
         Readiness: {
             /** @description Whether requests are served. */
@@ -1725,7 +1740,7 @@ export interface components {
             /** @description Wind speed [m/s]. */
             wind_speed: number;
             /** @description Where the wind comes from [°]; `null` where nobody has told. */
-            wind_direction?: number | null;
+            wind_direction: number | null;
             /** @description Air pressure [hPa]. */
             pressure: number;
             /** @description Snowfall, as water [mm/h]. */
@@ -1738,7 +1753,7 @@ export interface components {
             longwave: number;
             /** @description Part of the sky that clouds cover, 0 to 1. */
             cloud_cover: number;
-            sun?: components["schemas"]["SunPosition"] | null;
+            sun: components["schemas"]["SunPosition"] | null;
         };
         /** @description The weather from a time on. */
         WeatherRow: {
@@ -1872,6 +1887,7 @@ export type EventMessage = components['schemas']['EventMessage'];
 export type EventsWanted = components['schemas']['EventsWanted'];
 export type FieldError = components['schemas']['FieldError'];
 export type GetCellsQuery = components['schemas']['GetCellsQuery'];
+export type GetColumnQuery = components['schemas']['GetColumnQuery'];
 export type GetHeightQuery = components['schemas']['GetHeightQuery'];
 export type GetHeightsQuery = components['schemas']['GetHeightsQuery'];
 export type GetProfileQuery = components['schemas']['GetProfileQuery'];
@@ -1919,6 +1935,7 @@ export type ProbesMessage = components['schemas']['ProbesMessage'];
 export type Problem = components['schemas']['Problem'];
 export type Progress = components['schemas']['Progress'];
 export type PutTerrainQuery = components['schemas']['PutTerrainQuery'];
+export type Quantity = components['schemas']['Quantity'];
 export type Readiness = components['schemas']['Readiness'];
 export type ReadyStatus = components['schemas']['ReadyStatus'];
 export type Region = components['schemas']['Region'];

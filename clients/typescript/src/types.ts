@@ -47,6 +47,7 @@ export type {
   ProbeView as Probe,
   Probe as ProbeSpec,
   Problem,
+  Quantity,
   Readiness,
   Region,
   SampleBatch,

@@ -47,21 +47,21 @@ class Alive(TypedDict):
 
 
 class AlpineColumn(TypedDict):
-    """What a column of alpine snow has beside its layers."""
+    """What a column of alpine snow has beside its layers; other snow has none of it."""
 
-    snow_water_equivalent: float
+    snow_water_equivalent: NotRequired[float]
     """Mass of ice and water on a square metre [kg/m²]."""
 
-    liquid_water: float
+    liquid_water: NotRequired[float]
     """Mass of liquid water on it [kg/m²]."""
 
-    skin_temperature: float
+    skin_temperature: NotRequired[float]
     """Temperature of the surface of snow or ground [°C]."""
 
-    albedo: float
+    albedo: NotRequired[float]
     """Part of the short wave that is sent back, as it is seen."""
 
-    runoff: float
+    runoff: NotRequired[float]
     """Water that has run off since the session began [kg/m²]."""
 
 
@@ -452,6 +452,13 @@ class GetCellsQuery(TypedDict):
 
     fields: NotRequired[str]
     """Names of fields, separated by commas."""
+
+
+class GetColumnQuery(TypedDict):
+    """Read a column"""
+
+    format: NotRequired[Literal["json", "caaml"]]
+    """As what it is told: JSON, or a snow profile after CAAML 6.0.3, which alpine snow only has."""
 
 
 class GetHeightQuery(TypedDict):
@@ -1103,6 +1110,9 @@ class PutTerrainQuery(TypedDict):
     """Metres at grey 0 (an image only)."""
 
 
+Quantity: TypeAlias = Literal["depth", "snow_water_equivalent", "liquid_water", "skin_temperature"]
+
+
 class Readiness(TypedDict):
     """Answer to `GET /readyz`."""
 
@@ -1691,7 +1701,7 @@ class ColliderReply(Stamp, ColliderView):
     """Answer to a collider that was put or patched."""
 
 
-class ColumnView1(Stamp):
+class ColumnView(Stamp, AlpineColumn):
     """One column's material cells."""
 
     height: float
@@ -1708,14 +1718,6 @@ class ColumnView1(Stamp):
 
     weak_layers: list[WeakLayerView]
     """Layers less dense than what lies above and below, from the ground up."""
-
-
-class ColumnView2(AlpineColumn, ColumnView1):
-    """One column's material cells."""
-
-
-ColumnView: TypeAlias = ColumnView2
-"""One column's material cells."""
 
 
 class DigestView(Stamp):
@@ -1750,8 +1752,11 @@ class HeightsView(Stamp):
     cell_size: float
     """Side of a column [m]."""
 
+    quantity: NotRequired[Quantity]
+    """What is told, where it was asked for something else than depths and elevations."""
+
     heights: list[float]
-    """Snow depths [m], or elevations where those are asked for, row by row: index = z · width + x."""
+    """Snow depths [m], or elevations or the quantity where those are asked for, row by row: index = z · width + x."""
 
 
 class MassView(Stamp):
@@ -2266,7 +2271,7 @@ class WeatherNow(TypedDict):
     wind_speed: float
     """Wind speed [m/s]."""
 
-    wind_direction: NotRequired[float | None]
+    wind_direction: float | None
     """Where the wind comes from [°]; `null` where nobody has told."""
 
     pressure: float
@@ -2287,7 +2292,7 @@ class WeatherNow(TypedDict):
     cloud_cover: float
     """Part of the sky that clouds cover, 0 to 1."""
 
-    sun: NotRequired[SunPosition | None]
+    sun: SunPosition | None
 
 
 class WeatherRow(TypedDict):

@@ -43,6 +43,7 @@ Preset = generated.Preset
 Print = generated.PrintView
 Probe = generated.ProbeView
 ProbeSpec = generated.Probe
+Quantity = generated.Quantity
 Readiness = generated.Readiness
 Region = generated.Region
 RenderQuery = generated.GetRenderQuery
