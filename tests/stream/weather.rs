@@ -48,7 +48,10 @@ fn weather(air_temperature: f64) -> Weather {
 /// Mild weather, and an hour later colder one.
 fn cooling() -> WeatherInput {
     let row = |at, air_temperature| WeatherRow { at, weather: weather(air_temperature) };
-    WeatherSeries { series: vec![row(0.0, 2.0), row(3600.0, -2.0)], interpolate: true }.into()
+    WeatherInput::Series(WeatherSeries {
+        series: vec![row(0.0, 2.0), row(3600.0, -2.0)],
+        interpolate: true,
+    })
 }
 
 async fn weather_is_told_read_and_replaced(backend: BackendChoice) {
