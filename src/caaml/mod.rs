@@ -205,7 +205,7 @@ fn hand_hardness(layer: &LayerView) -> &'static str {
 fn wetness(layer: &LayerView) -> &'static str {
     let content = water_content(layer);
     let reached = WETNESS.iter().find(|(from, _)| content >= *from);
-    reached.map_or(if content > 0.0 { "M" } else { "D" }, |(_, code)| code)
+    reached.map_or(if content > 0.0 { "M" } else { "D" }, |(_, code)| *code)
 }
 
 /// The part of a layer's volume that is liquid water.

@@ -2,15 +2,16 @@
 
 use time::OffsetDateTime;
 
-/// The first second of the year 10000, and of the year 0, counted from 1970-01-01T00:00:00Z.
-const YEARS: std::ops::Range<i64> = -62_167_219_200..253_402_300_800;
+/// The first and the last second of the years 0 to 9999, counted from 1970-01-01T00:00:00Z.
+const SECONDS: [i64; 2] = [-62_167_219_200, 253_402_300_799];
 
 /// A number of seconds since 1970-01-01T00:00:00Z as a time in UTC, to the millisecond. What lies before the year 0 or
 /// after the year 9999 is told as the end of that span.
 pub fn written(instant: f64) -> String {
-    let millis = (instant * 1000.0).round() as i64;
-    let seconds = millis.div_euclid(1000).clamp(YEARS.start, YEARS.end - 1);
-    let time = OffsetDateTime::from_unix_timestamp(seconds).unwrap_or(OffsetDateTime::UNIX_EPOCH);
+    let [first, last] = SECONDS.map(|second| 1000 * second);
+    let millis = ((instant * 1000.0).round() as i64).clamp(first, last);
+    let time = OffsetDateTime::from_unix_timestamp(millis.div_euclid(1000));
+    let time = time.unwrap_or(OffsetDateTime::UNIX_EPOCH);
     let (year, month, day) = time.to_calendar_date();
     let (hour, minute, second) = time.to_hms();
     let millis = match millis.rem_euclid(1000) {

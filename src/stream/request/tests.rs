@@ -156,8 +156,8 @@ fn every_command_of_a_client_is_read() {
         (Clearing { depth: 0.1, ..Clearing::default() }, AirTemperature { celsius: -5.0 });
     let weather = Weather { rainfall: Some(1.5), ..Weather::default() };
     let rows = vec![WeatherRow { at: 60.0, weather }];
-    let (steady, series): (WeatherInput, WeatherInput) =
-        (weather.into(), WeatherInput::Series(WeatherSeries { series: rows, interpolate: true }));
+    let steady = WeatherInput::from(weather);
+    let series = WeatherInput::Series(WeatherSeries { series: rows, interpolate: true });
     let settings = SettingsPatch { paused: Some(true), ..SettingsPatch::default() };
     let patch = ColliderPatch {
         position: Some(Position { x: 3.0, z: 2.0 }),
