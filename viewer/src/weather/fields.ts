@@ -77,7 +77,7 @@ export function weatherFields(at: string, layout: string): WeatherFields {
       const shown = value == null ? "" : String(Number((value * factor(name)).toFixed(2)));
       const workedOut = derived.includes(name);
       input.value = workedOut ? "" : shown;
-      input.placeholder = workedOut ? shown : "";
+      input.placeholder = workedOut && value != null ? (value * factor(name)).toFixed(0) : "";
     }
   };
   const tell = (error: unknown) => {
