@@ -268,11 +268,16 @@ impl SessionSpec {
         }
         self.weather_step.get_or_insert(Physics::WEATHER_STEP);
         let site = self.site.get_or_insert_default();
+        // What can't be is refused once: as that which was given, not as what is made of it here.
+        let (coldest, warmest) = self.physics.air_temperatures();
         match &self.weather {
-            Some(weather) => self.air_temperature = weather.at(0.0).air_temperature,
+            Some(weather) => {
+                let air_temperature = weather.at(0.0).air_temperature;
+                self.air_temperature = air_temperature.clamp(coldest, warmest);
+            }
             None => {
                 let dark = site.sun(0.0).is_none().then_some(0.0);
-                let air_temperature = self.air_temperature;
+                let air_temperature = self.air_temperature.clamp(coldest, warmest);
                 let weather = Weather { air_temperature, shortwave: dark, ..Weather::default() };
                 self.weather = Some(Arc::new(weather.into()));
             }

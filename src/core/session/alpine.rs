@@ -207,12 +207,14 @@ impl SessionState {
             let steps = (units / unit.max(1)).clamp(1, MOST_STEPS);
             return (until(steps + 1) - 1).max(next);
         }
+        // With objects that move, how many cycles a tick has is seen at its beginning.
+        if self.moves() {
+            return 1;
+        }
         let mut after = self.clock;
         after.pass(1);
         match alpine.ended(after.sim_time()).saturating_sub(alpine.steps) {
             0 => next - 1,
-            // With objects that move, how many cycles a tick has is seen at its beginning.
-            _ if self.moves() => 1,
             steps => until(steps + 1) - 1,
         }
     }

@@ -9,6 +9,9 @@ pub const FRAME_RATE: f64 = 60.0;
 /// Simulated time that has to be pending before it is spent \[s\], with its relative slack.
 const DUE: f64 = (1.0 - 1e-6) / 60.0;
 
+/// Ticks beyond which nothing is waited for.
+const FARTHEST: u64 = 1 << 44;
+
 /// Longest cycle \[s\].
 const LONGEST_CYCLE: f64 = 0.25;
 
@@ -115,7 +118,8 @@ impl Clock {
         if !reached(ticks) {
             ticks = ticks.checked_add(1).filter(|ticks| reached(*ticks))?;
         }
-        Some(ticks)
+        // What is farther away than half a million years never comes, and frames up to it can't be told apart.
+        Some(ticks).filter(|ticks| *ticks < FARTHEST)
     }
 
     /// The last frame before so many ticks have fallen after a frame.
@@ -311,5 +315,20 @@ mod tests {
         assert_eq!(per_frame.iter().sum::<u64>(), 6);
         assert_eq!(clock.ticks_between(0, 60), 45);
         assert_eq!(Clock::new(240.0, 1.0).ticks_between(9, 10), 4);
+    }
+
+    #[test]
+    fn what_is_too_far_away_is_not_waited_for() {
+        for (rate, scale) in
+            [(1.0, 1e-15), (1.0, 1e-16), (7.0, 1e-15), (1.0, 5e-324), (240.0, 1e-11)]
+        {
+            assert_eq!(Clock::new(rate, scale).ticks_until(900.0), None, "{rate} Hz, {scale}");
+        }
+        let clock = Clock::new(1.0, 1e-10);
+        let ticks = clock.ticks_until(900.0).expect("it comes");
+        let frame = clock.frame_before(3, ticks);
+        assert!(
+            clock.ticks_between(3, frame) < ticks && clock.ticks_between(3, frame + 1) >= ticks
+        );
     }
 }

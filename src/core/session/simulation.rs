@@ -167,10 +167,9 @@ impl Simulation {
         }
         let removed = before.colliders.into_keys();
         self.next.edits.extend(removed.map(|id| Edit::RemoveCollider { id }));
-        self.next.edits.push(match &self.state.alpine {
-            None => Edit::Clear { columns: spec.grid.all(), depth: 0 },
-            Some(alpine) => bare(&spec.grid, alpine),
-        });
+        // What is restored leaves slots above it as they are: nothing may lie in those.
+        self.next.edits.push(Edit::Clear { columns: spec.grid.all(), depth: 0 });
+        self.next.edits.extend(self.state.alpine.as_ref().map(|alpine| bare(&spec.grid, alpine)));
         self.next.edits.push(Edit::SetMaterial(spec.material));
         self.wake();
         self.settled = spec.initial_snow.is_empty();
@@ -322,7 +321,7 @@ impl Simulation {
     }
 }
 
-/// Takes everything from a grid of alpine snow, and makes of its columns what they begin as.
+/// Makes of the columns of a grid on which no snow lies what those of alpine snow begin as.
 fn bare(grid: &Grid, alpine: &Alpine) -> Edit {
     let surfaces = vec![alpine.surface(); TILE_COLUMNS as usize];
     let tile = TileCells { surfaces, ..TileCells::empty(0) };
