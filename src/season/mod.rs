@@ -1,7 +1,7 @@
 //! A season of weather on alpine snow, and how near it comes to what was measured.
 //!
 //! Weather is read from a file ([`Forcing`]) and lies on reference columns ([`run()`]) of a grid, all of which feel
-//! the same. What comes of it, day by day ([`Season`]), is compared with measurements ([`Evaluation`], [`Scores`]),
+//! the same. The results of each day ([`Season`]) are compared with measurements ([`Evaluation`], [`Scores`]),
 //! written and drawn ([`write()`]). `docs/alpine.md` discusses the results.
 
 mod daily;

@@ -96,7 +96,7 @@ fn pass(places: &mut [Place], steps: &[Step], grid: &Grid) -> Sums {
         }
         sums
     });
-    // Added in one order, whoever was first.
+    // In the order of the chunks, so that the sums do not depend on which thread ended first.
     let chunks: Vec<Sums> = chunks.collect();
     let mut sums = Sums::default();
     chunks.iter().for_each(|chunk| sums.add(chunk));

@@ -688,7 +688,7 @@ export interface components {
             stride: number;
             /** @description Side of a column [m]. */
             cell_size: number;
-            /** @description What is told, where it was asked for something else than depths and elevations. */
+            /** @description The quantity in `heights`, unless these are depths or elevations. */
             quantity?: components["schemas"]["Quantity"];
             /** @description Snow depths [m], or elevations or the quantity where those are asked for, row by row: index = z · width + x. */
             heights: number[];
@@ -994,7 +994,7 @@ export interface components {
             offset?: number;
         };
         /**
-         * @description What is told of the columns.
+         * @description The quantity that is read of each column.
          * @enum {string}
          */
         Quantity: "depth" | "snow_water_equivalent" | "liquid_water" | "skin_temperature";

@@ -117,7 +117,7 @@ impl Alpine {
         }
     }
 
-    /// What is told of it at a simulated time \[s\].
+    /// The weather at a simulated time \[s\], as clients read it.
     pub fn view(&self, stamp: Stamp, sim_time: f64) -> WeatherView {
         let (told, now) = (self.weather.at(sim_time), self.now(sim_time));
         let derived = [

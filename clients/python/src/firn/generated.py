@@ -1753,7 +1753,7 @@ class HeightsView(Stamp):
     """Side of a column [m]."""
 
     quantity: NotRequired[Quantity]
-    """What is told, where it was asked for something else than depths and elevations."""
+    """The quantity in `heights`, unless these are depths or elevations."""
 
     heights: list[float]
     """Snow depths [m], or elevations or the quantity where those are asked for, row by row: index = z · width + x."""

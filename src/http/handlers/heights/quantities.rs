@@ -21,7 +21,7 @@ use super::{FLOATS, HeightsView, JSON, NPY, Origin, Values, WindowQuery};
 /// Most columns that are read at a time.
 const MOST_COLUMNS: u64 = 1 << 20;
 
-/// What is told of the columns.
+/// The quantity that is read of each column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {

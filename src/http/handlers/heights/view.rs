@@ -23,7 +23,7 @@ pub struct HeightsView {
     pub(super) stride: u32,
     /// Side of a column \[m\].
     pub(super) cell_size: f64,
-    /// What is told, where it was asked for something else than depths and elevations.
+    /// The quantity in `heights`, unless these are depths or elevations.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Quantity, required = false)]
     pub(super) quantity: Option<Quantity>,
@@ -32,7 +32,7 @@ pub struct HeightsView {
     pub(super) heights: Values,
 }
 
-/// What is told of the columns of a region.
+/// The value of each column of a region.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub(super) enum Values {
