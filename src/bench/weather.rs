@@ -118,7 +118,7 @@ impl Field {
     fn fill(&mut self, slots: u32) -> Result<(), BenchError> {
         let columns = self.grid.all();
         let layer = |slot: u32| {
-            let density = if slot % 2 == 0 { 250.0 } else { 380.0 };
+            let density = if slot.is_multiple_of(2) { 250.0 } else { 380.0 };
             let mass = (self.grid.cell_size * density * MASS_QUANTA).round() as u32;
             let depth = self.grid.thickness_quanta(self.grid.cell_size) as u32;
             Edit::Deposit(Deposit { columns, depth, mass, temperature: -4.0 })
