@@ -7,81 +7,19 @@ use firn_engine::frame::{
     Backend, Contents, Edit, Layout, Run, Slot, Stamp, TileCells, Weathering, Work,
 };
 use firn_snow::alpine::{Gathering, Surface, WeatherStep};
-use firn_snow::weather::{Felt, Site, SunPosition};
+use firn_snow::weather::Site;
 use firn_snow::{
     ColumnRect, Coverage, Exchanged, Grid, HardnessLaw, MASS_QUANTA, Material, Position, Pressing,
     Shape, SurfaceLoad, Turn,
 };
 
 use crate::support::*;
-
-const STEP: f64 = 900.0;
+use crate::winter::{STEP, Winter};
 
 fn layout(grid: Grid, ground: Vec<f64>) -> Layout {
     let material = Material { hardness_law: HardnessLaw::Alpine, ..Material::default() };
     let surface = Some(Surface::new([3.0, 4.0, 5.0, 6.0], -2.0));
     Layout { grid, material, ground: ground.into(), surface }
-}
-
-/// Winter by the day, with storms, sun, rain and thaw.
-struct Winter {
-    dice: Dice,
-    grid: Grid,
-    gathering: Gathering,
-    step: u64,
-    storm: f64,
-    /// The sun's place is told.
-    sun: bool,
-    /// Mass that has come down on a column, in quanta.
-    fallen: u64,
-}
-
-impl Winter {
-    fn new(seed: u64, grid: Grid, sun: bool) -> Winter {
-        let (dice, gathering) = (Dice::new(seed), Gathering::default());
-        Winter { dice, grid, gathering, step: 0, storm: 0.0, sun, fallen: 0 }
-    }
-
-    fn felt(&mut self) -> Felt {
-        let hour = self.step as f64 * STEP / 3600.0;
-        let day = hour / 24.0;
-        if self.dice.below(120) == 0 {
-            self.storm = self.dice.range(5.0, 40.0);
-        }
-        self.storm = (self.storm - STEP / 3600.0).max(0.0);
-        let height = ((hour - 6.0) / 12.0 * std::f64::consts::PI).sin();
-        let air = -6.0 + 0.3 * day + 5.0 * height + self.dice.range(-1.0, 1.0);
-        let rate = if self.storm > 0.0 { self.dice.range(0.0, 4.0) / 3600.0 } else { 0.0 };
-        let (snowfall, rainfall) = if air <= 1.2 { (rate, 0.0) } else { (0.0, rate) };
-        let elevation = 40.0 * height;
-        let azimuth = (15.0 * hour).rem_euclid(360.0);
-        let clear = if self.storm > 0.0 { 0.2 } else { 1.0 };
-        Felt {
-            air_temperature: air,
-            relative_humidity: self.dice.range(50.0, 100.0),
-            wind_speed: self.dice.range(0.0, 6.0),
-            pressure: 870.0,
-            snowfall,
-            rainfall,
-            shortwave: 700.0 * height.max(0.0) * clear,
-            longwave: 210.0 + 60.0 * (1.0 - clear) + 2.0 * air,
-            diffuse: if elevation < 1.0 { 1.0 } else { 0.3 },
-            sun: self.sun.then_some(SunPosition { azimuth, elevation }),
-            derived: Default::default(),
-        }
-    }
-
-    fn next(&mut self) -> WeatherStep {
-        let felt = self.felt();
-        self.step += 1;
-        let due = self.gathering.fall(&felt, STEP, &self.grid);
-        self.fallen += u64::from(due.mass) + u64::from(due.rain);
-        WeatherStep::new(&felt, &Site::default(), STEP, due)
-    }
-
-    fn steps(&mut self, count: usize) -> Vec<WeatherStep> {
-        (0..count).map(|_| self.next()).collect()
-    }
 }
 
 /// Carries work out in parts of some units; returns what was exchanged.
@@ -137,7 +75,8 @@ fn forty_days_of_winter_are_those_of_the_reference() {
     let (mut cpu, grid) = (cpu(), Grid { width: 11, depth: 9, height: 60, cell_size: 0.05 });
     gpu.poison();
     let made = layout(grid, Vec::new());
-    (gpu.create(2, &made).unwrap(), cpu.create(2, &made).unwrap());
+    gpu.create(2, &made).unwrap();
+    cpu.create(2, &made).unwrap();
     let mut winter = Winter::new(7, grid, false);
     let mut sums = [Exchanged::default(); 2];
     let mut deepest = 0.0_f64;
@@ -212,9 +151,11 @@ fn light_falls_on_hills_as_in_the_reference() {
     let ground: Vec<f64> =
         (0..grid.depth).flat_map(|z| (0..grid.width).map(move |_| ridge(z) + 80.0)).collect();
     let made = layout(grid, ground);
-    (gpu.create(0, &made).unwrap(), cpu.create(0, &made).unwrap());
+    gpu.create(0, &made).unwrap();
+    cpu.create(0, &made).unwrap();
     let fall = snow(&grid, grid.all(), 0.6, 250.0, -3.0);
-    (edit(&mut gpu, 0, vec![fall.clone()]), edit(&mut cpu, 0, vec![fall]));
+    edit(&mut gpu, 0, vec![fall.clone()]);
+    edit(&mut cpu, 0, vec![fall]);
     let mut winter = Winter::new(11, grid, true);
     for day in 0..30 {
         let steps = winter.steps(96);
@@ -383,7 +324,8 @@ fn a_season_at_col_de_porte_is_that_of_the_reference_every_day() {
     let (mut cpu, mut gathering) = (cpu(), Gathering::default());
     let surface = Some(Surface::new([10.0, 11.0, 11.5, 11.5], 4.65));
     let made = Layout { surface, ..layout(grid, Vec::new()) };
-    (gpu.create(0, &made).unwrap(), cpu.create(0, &made).unwrap());
+    gpu.create(0, &made).unwrap();
+    cpu.create(0, &made).unwrap();
     let (mut deepest, mut time) = (0.0_f64, 0.0);
     while time + 86_400.0 <= forcing.seconds() {
         let mut step = || {

@@ -18,3 +18,4 @@ mod support;
 mod times;
 mod track;
 mod weather;
+mod winter;
