@@ -46,7 +46,7 @@ pub struct WeatherStep {
     pub temperature_height: f32,
     /// Height at which wind is measured \[m\].
     pub wind_height: f32,
-    /// [`ABOVE_GROUND`] and [`SNOWS`].
+    /// Whether heights are above ground, and whether snow falls: `ABOVE_GROUND` and `SNOWS`.
     pub flags: u32,
     /// Mass quanta of the snow that is due.
     pub snow: u32,
